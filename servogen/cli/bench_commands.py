@@ -175,16 +175,16 @@ def rig(
     from servogen.bench.virtual.rig import rig as opened
     from servogen.drive.on_command import line_baud
     from servogen.engines.board import board_of
-    from servogen.engines.player.commands import CommandLine
-    from servogen.engines.stream.settings import Stream
+    from servogen.engines.inputs.commands import CommandLine
+    from servogen.engines.inputs.serial import Stream
     from servogen.job import load, plan_job
     from servogen.simulator.sources import pin_number
     from servogen.workflows import planned
 
     loaded = plan_job(load(job))
     line = loaded.stream or Stream(receive_pin="RB7")
-    if isinstance(loaded.firmware.commands, CommandLine):
-        line = Stream(line_baud(loaded), loaded.firmware.commands.pin)
+    if isinstance(loaded.commands, CommandLine):
+        line = Stream(line_baud(loaded), loaded.commands.pin)
     out = serial_out or line.transmit_pin
     options = RigOptions(
         ppm=Fraction(str(crystal_ppm)),

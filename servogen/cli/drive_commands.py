@@ -207,10 +207,10 @@ def _walk_on_command(
     from servogen.drive.commands import WALK_KEYS
     from servogen.drive.on_command import CommandedDrive, CommandedFrame, Twin, line_baud
     from servogen.drive.serial_link import SerialLink, Time, VirtualTime, port_opener
-    from servogen.engines.player.commands import CommandLine
+    from servogen.engines.inputs.commands import CommandLine
     from servogen.errors import InputError, Location
 
-    if port is not None and not isinstance(job.firmware.commands, CommandLine):
+    if port is not None and not isinstance(job.commands, CommandLine):
         raise InputError(
             "conflicting-options",
             "--port: the robot is commanded by buttons, not by codes",

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from servogen.engines.inputs.serial import Stream
 from servogen.engines.stream.protocol import MAX_VALUE, CommandKind, StreamCommand, travel
-from servogen.engines.stream.settings import Stream
 from servogen.errors import InputError, Location
 from servogen.job import Job
 from servogen.motion.trajectory import Floats

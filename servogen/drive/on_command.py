@@ -24,9 +24,10 @@ from servogen.drive.commands import NEXT, QUIT, STOP, CommandSource
 from servogen.drive.serial_link import SerialLink, Time
 from servogen.edges import PINS, edge_chunk
 from servogen.engines.board import board_of
-from servogen.engines.player.buttons import PRESSED_FRAMES
-from servogen.engines.player.commands import CommandButton, CommandLine, DirectionPlaces, uart_byte
+from servogen.engines.inputs.buttons import PRESSED_FRAMES
+from servogen.engines.inputs.commands import CommandButton, CommandLine, uart_byte
 from servogen.engines.player.engine import compiled, play
+from servogen.engines.player.script import DirectionPlaces
 from servogen.errors import InputError, did_you_mean
 from servogen.job import PlannedJob
 from servogen.pic.device import RAM_FIRST

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from servogen.compiler import Compilation, Options, Source, compile_sources
-from servogen.engines.sequence.programs import Overheads
 from servogen.engines.stored_script import Stored
 from servogen.errors import Diagnostic, InputError, ServogenError
 from servogen.units import Cycles
@@ -49,8 +48,6 @@ class Firmware:
     warnings: tuple[Diagnostic, ...] = ()
     script: Stored | None = None
     """Where the player's script is; None for other engines."""
-    overheads: Overheads = field(default_factory=Overheads)
-    """The cycles that the sequence engine subtracted from its delays."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,8 @@
 """`Engine`: the protocol of engines; `EngineJob`: the part of a job that they read; `EnginePlan`: their
 result.
 
-A job imports the settings of the engines (a player's buttons, a stream's serial line), so an engine cannot
-import `PlannedJob`, which has the attributes listed here.
+A job imports the inputs of the engines, so an engine cannot import `PlannedJob`, which has the attributes
+listed here.
 """
 
 from __future__ import annotations
@@ -13,9 +13,7 @@ from fractions import Fraction
 from typing import Protocol
 
 from servogen.engines.firmware import Firmware
-from servogen.engines.player.buttons import ControlButtons
-from servogen.engines.player.commands import Commander
-from servogen.engines.stream.settings import Stream
+from servogen.engines.inputs import EngineInput
 from servogen.errors import Location
 from servogen.motion import JointTrajectory, Part
 from servogen.motion.gait.commands import CommandedDirection
@@ -44,12 +42,6 @@ class FirmwareChoice(Protocol):
     @property
     def max_error_us(self) -> float: ...
 
-    @property
-    def buttons(self) -> ControlButtons: ...
-
-    @property
-    def commands(self) -> Commander | None: ...
-
 
 class EngineJob(Protocol):
     """The part of a job that an engine reads."""
@@ -73,7 +65,7 @@ class EngineJob(Protocol):
     def firmware(self) -> FirmwareChoice: ...
 
     @property
-    def stream(self) -> Stream | None: ...
+    def inputs(self) -> tuple[EngineInput, ...]: ...
 
     @property
     def bindings(self) -> tuple[Binding, ...]: ...

@@ -5,12 +5,16 @@ Only names and facts that a job is checked against are here: loading a job does 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from types import MappingProxyType
 from typing import TYPE_CHECKING, cast
 
+from servogen.engines.inputs import InputSection
+from servogen.engines.inputs.buttons import ControlButtons
+from servogen.engines.inputs.commands import COMMANDS
+from servogen.engines.inputs.serial import Stream
 from servogen.pulse.slots import Frame, rises
 from servogen.robot.servo import Servo
 from servogen.units import Clock
@@ -21,36 +25,47 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class EngineEntry:
-    """The module whose `ENGINE` is the engine, and whether it reads buttons, a serial line, or commands for a
-    walk.
+    """The module whose `ENGINE` is the engine; the kinds of inputs that it `accepts`, of which it has to have
+    those that it `needs`.
 
+    `section` is the module whose `SECTION` states an input of its own in a table of the job file.
     `check_frame` raises InputError if the servos' limits alone show that their pulses fit no frame, whatever
     the motion is.
     """
 
     module: str
-    buttons: bool = False
-    serial: bool = False
-    commands: bool = False
+    accepts: tuple[str, ...] = ()
+    needs: tuple[str, ...] = ()
+    section: str | None = None
     check_frame: Callable[[Sequence[Servo], Frame, Clock], object] | None = None
 
 
 ENGINES: Mapping[str, EngineEntry] = MappingProxyType(
     {
         "sequence": EngineEntry("servogen.engines.sequence.engine", check_frame=rises),
-        "player": EngineEntry("servogen.engines.player.engine", buttons=True, commands=True),
-        "stream": EngineEntry("servogen.engines.stream.engine", serial=True),
+        "player": EngineEntry("servogen.engines.player.engine", accepts=(ControlButtons.kind, COMMANDS)),
+        "stream": EngineEntry(
+            "servogen.engines.stream.engine",
+            accepts=(Stream.kind,),
+            needs=(Stream.kind,),
+            section="servogen.engines.stream.section",
+        ),
     }
 )
 
 
-def suitable(serial: bool, buttons: bool, commands: bool = False) -> tuple[str, ...]:
-    """Return the names of the engines that read a job's serial line, its buttons and its commands, if any."""
-    return tuple(
-        name
+def suitable(kinds: Collection[str]) -> tuple[str, ...]:
+    """Return the names of the engines that accept inputs of these kinds, and need no others."""
+    return tuple(name for name, entry in ENGINES.items() if {*entry.needs} <= {*kinds} <= {*entry.accepts})
+
+
+def sections() -> dict[str, InputSection]:
+    """Return the tables of the job file that engines have for inputs of their own, by the engines' names."""
+    return {
+        name: cast("InputSection", import_module(entry.section).SECTION)
         for name, entry in ENGINES.items()
-        if entry.serial == serial and (entry.buttons or not buttons) and (entry.commands or not commands)
-    )
+        if entry.section is not None
+    }
 
 
 def engine_named(name: str) -> Engine:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 
-from servogen.engines.player.buttons import ControlButtons
-from servogen.engines.player.commands import Commander
-from servogen.engines.stream.settings import Stream
+from servogen.engines.inputs import EngineInput, given
+from servogen.engines.inputs.buttons import ControlButtons
+from servogen.engines.inputs.commands import Commander, commander
+from servogen.engines.inputs.serial import Stream
 from servogen.errors import Diagnostic, Location
 from servogen.job.schema import ExpectTable, Section, SensorTable, SupplyTable
 from servogen.job.tip import Tip
@@ -34,9 +35,6 @@ class FirmwareSettings:
     soft_start_s: Fraction
     max_error_us: float
     """The maximum deviation of a pulse from the planned one."""
-    buttons: ControlButtons
-    commands: Commander | None = None
-    """The input that selects the direction of a walk on command."""
     soft_start_place: Location | None = None
 
 
@@ -68,8 +66,8 @@ class Job:
     wheels: tuple[str, ...]
     frame: Frame
     firmware: FirmwareSettings
-    stream: Stream | None
-    """The serial line, which only the stream engine reads; None if there is none."""
+    inputs: tuple[EngineInput, ...]
+    """What steers the program from outside; an engine accepts or refuses each."""
     section: Section | None
     """The section that moves the servos; None for a stream job without a motion."""
     supply: SupplyTable | None
@@ -86,6 +84,21 @@ class Job:
         rows = [(servo.name, servo.pin, servo.model.title) for servo in self.servos]
         title = f"{self.name}: {self.device.name} at {self.clock.hz / 1e6:g} MHz"
         return table_html(title, ("servo", "pin", "model"), rows)
+
+    @property
+    def buttons(self) -> ControlButtons:
+        """Return the start button and the emergency stop, or neither."""
+        return given(self.inputs, ControlButtons) or ControlButtons()
+
+    @property
+    def commands(self) -> Commander | None:
+        """Return the input that selects the direction of a walk on command; None without one."""
+        return commander(self.inputs)
+
+    @property
+    def stream(self) -> Stream | None:
+        """Return the serial line; None without one."""
+        return given(self.inputs, Stream)
 
     @property
     def limbs(self) -> tuple[Limb, ...]:

@@ -13,11 +13,16 @@ from pathlib import Path
 from typing import Any
 
 from servogen.edges import PINS
-from servogen.engines.player.buttons import ButtonPin, ControlButtons
-from servogen.engines.player.commands import CommandButton, CommandButtons, Commander, CommandLine
-from servogen.engines.registry import ENGINES, suitable
-from servogen.engines.stream.protocol import MAX_SERVOS
-from servogen.engines.stream.settings import Stream, bit_units
+from servogen.engines.inputs import EngineInput, check_free
+from servogen.engines.inputs.buttons import ButtonPin, ControlButtons
+from servogen.engines.inputs.commands import (
+    COMMANDS,
+    CommandButton,
+    CommandButtons,
+    Commander,
+    CommandLine,
+)
+from servogen.engines.registry import ENGINES, sections, suitable
 from servogen.errors import InputError, Location, did_you_mean
 from servogen.job.job import FirmwareSettings, Job
 from servogen.job.rig import rig_of
@@ -30,10 +35,9 @@ from servogen.job.schema import (
     JobTable,
     Section,
     SensorTable,
-    StreamTable,
 )
 from servogen.motion.gait.commands import STRAIGHT, TURN
-from servogen.pic.device import OPEN_DRAIN_PIN, Device, device
+from servogen.pic.device import Device, device
 from servogen.pulse.slots import Frame
 from servogen.robot.model import Robot
 from servogen.robot.servo import Servo
@@ -43,25 +47,28 @@ from servogen.toml.locations import Key
 from servogen.units import Clock
 
 AUTO = "auto"
+OWN_PIN = "commands need a pin of their own"
 
 
 def firmware_of(
     document: Document, table: JobTable, servos: Sequence[Servo], frame: Frame, clock: Clock
-) -> tuple[FirmwareSettings, Stream | None]:
-    """Return the program that a job requests, and its serial line if it has one. Raises InputError."""
-    stream = _stream(document, table, servos, clock)
+) -> tuple[FirmwareSettings, tuple[EngineInput, ...]]:
+    """Return the program that a job requests, and the inputs that it states. Raises InputError."""
     wanted = table.firmware
+    stated = _section_inputs(document, table, servos, clock)
     buttons = _buttons(document, wanted, servos)
-    commands = _commands(document, table, servos, buttons)
+    commands = _commands(document, table, servos, buttons, stated)
+    inputs = (*stated.values(), *([buttons] if buttons.any else []), *([commands] if commands else []))
     if wanted.engine == AUTO:
         # A named engine is checked here, `auto` when the smallest one is chosen; that there is none is known
         # already.
-        if not suitable(stream is not None, buttons.any, commands is not None):
+        if not suitable({each.kind for each in inputs}):
+            name, own = next(iter(stated.items()))
             raise document.error(
                 "engine-unsupported",
                 ("firmware", "start_pin" if buttons.start else "stop_pin"),
-                "no engine reads both a serial line and buttons",
-                "remove [stream], or start_pin and stop_pin",
+                f"no engine reads both {own.kind} and {buttons.kind}",
+                f"remove [{name}], or start_pin and stop_pin",
             )
     elif check_frame := ENGINES[wanted.engine].check_frame:
         check_frame(servos, frame, clock)
@@ -70,11 +77,32 @@ def firmware_of(
         engine=wanted.engine,
         soft_start_s=exact(wanted.soft_start_s),
         max_error_us=wanted.max_error_us,
-        buttons=buttons,
-        commands=commands,
         soft_start_place=document.place("firmware", "soft_start_s"),
     )
-    return firmware, stream
+    return firmware, inputs
+
+
+def _section_inputs(
+    document: Document, table: JobTable, servos: Sequence[Servo], clock: Clock
+) -> dict[str, EngineInput]:
+    """Return the inputs of the engines' own tables, by the tables' names: of those in the file, and of the
+    one that the engine of the job needs. Raises InputError.
+    """
+    engine, found = table.firmware.engine, {}
+    for name, section in sections().items():
+        wanted = getattr(table, section.name)
+        needed = engine != AUTO and section.kind in ENGINES[engine].needs
+        if wanted is None and not needed:
+            continue
+        if engine != AUTO and section.kind not in ENGINES[engine].accepts:
+            raise document.error(
+                "engine-unsupported",
+                (section.name,),
+                f"the {engine} engine does not read {section.kind}",
+                f'write engine = "{name}", or omit engine',
+            )
+        found[section.name] = section.read(document, wanted or section.table(), servos, clock)
+    return found
 
 
 def _buttons(document: Document, table: FirmwareTable, servos: Sequence[Servo]) -> ControlButtons:
@@ -90,21 +118,16 @@ def _buttons(document: Document, table: FirmwareTable, servos: Sequence[Servo]) 
                     )
             continue
         where = ("firmware", f"{name}_pin")
-        if table.engine != AUTO and not ENGINES[table.engine].buttons:
+        if table.engine != AUTO and ControlButtons.kind not in ENGINES[table.engine].accepts:
             raise document.error(
                 "engine-unsupported",
                 where,
                 f"the {table.engine} engine does not read buttons",
                 'write engine = "player"',
             )
-        if pin not in PINS:
-            raise document.error("unknown-pin", where, f"unknown pin '{pin}'", did_you_mean(pin, PINS))
         taken = {servo.pin: servo.name for servo in servos}
         taken |= {button.pin: name for name, button in buttons.items()}
-        if pin in taken:
-            raise document.error(
-                "pin-in-use", where, f"{pin} is in use: {taken[pin]}", "a button needs a pin of its own"
-            )
+        check_free(document, where, pin, taken, "a button needs a pin of its own")
         turning = next((servo.name for servo in servos if servo.model.continuous), None)
         if name == "stop" and table.stop_pulses == "hold" and turning is not None:
             raise document.error(
@@ -119,7 +142,11 @@ def _buttons(document: Document, table: FirmwareTable, servos: Sequence[Servo]) 
 
 
 def _commands(
-    document: Document, table: JobTable, servos: Sequence[Servo], buttons: ControlButtons
+    document: Document,
+    table: JobTable,
+    servos: Sequence[Servo],
+    buttons: ControlButtons,
+    stated: Mapping[str, EngineInput],
 ) -> Commander | None:
     """Return the inputs for commands of a walk. Raises InputError."""
     asked = table.walk.commands if table.walk else None
@@ -127,13 +154,15 @@ def _commands(
         return None
     key = ("walk", "commands")
     engine = table.firmware.engine
-    if table.stream is not None or (engine != AUTO and not ENGINES[engine].commands):
-        listener = "a job with [stream]" if table.stream is not None else f"the {engine} engine"
+    own = next((name for name in stated if getattr(table, name) is not None), None)
+    if not suitable({COMMANDS, *(each.kind for each in stated.values())}) or (
+        engine != AUTO and COMMANDS not in ENGINES[engine].accepts
+    ):
         raise document.error(
             "engine-unsupported",
             key,
-            f"{listener} does not read commands for a walk",
-            "remove [stream]" if table.stream is not None else 'write engine = "player"',
+            f"{f'the {engine} engine' if own is None else f'a job with [{own}]'} does not read {COMMANDS}",
+            'write engine = "player"' if own is None else f"remove [{own}]",
         )
     if buttons.any:
         raise document.error(
@@ -153,7 +182,7 @@ def _commands(
     taken = {servo.pin: servo.name for servo in servos}
     if asked.button is not None:
         where = (*key, "button")
-        _free_input(document, where, asked.button, taken)
+        check_free(document, where, asked.button, taken, OWN_PIN)
         return CommandButton(
             ButtonPin(asked.button, int(asked.button_level == "high"), document.place(*where))
         )
@@ -161,7 +190,7 @@ def _commands(
         if "button_level" in document.data["walk"]["commands"]:
             raise document.error("missing-key", (*key, "button_level"), "there are no buttons")
         pin = "RA4" if asked.pin is None else asked.pin
-        _free_input(document, (*key, "pin"), pin, taken)
+        check_free(document, (*key, "pin"), pin, taken, OWN_PIN)
         return CommandLine(pin)
     return _direction_buttons(document, asked, asked.buttons, taken)
 
@@ -195,87 +224,10 @@ def _direction_buttons(
     used = dict(taken)
     buttons = {}
     for name, pin in pins.items():
-        _free_input(document, (*key, name), pin, used)
+        check_free(document, (*key, name), pin, used, OWN_PIN)
         used[pin] = f"the button of {name}"
         buttons[name] = ButtonPin(pin, level, document.place(*key, name))
     return CommandButtons(buttons)
-
-
-def _free_input(document: Document, key: tuple[str | int, ...], pin: str, taken: Mapping[str, str]) -> None:
-    """Raise InputError if `pin` is unknown or `taken`."""
-    if pin not in PINS:
-        raise document.error("unknown-pin", key, f"unknown pin '{pin}'", did_you_mean(pin, PINS))
-    if pin in taken:
-        raise document.error(
-            "pin-in-use", key, f"{pin} is in use: {taken[pin]}", "commands need a pin of their own"
-        )
-
-
-def _stream(document: Document, table: JobTable, servos: Sequence[Servo], clock: Clock) -> Stream | None:
-    """Return the serial line of a job with [stream], or whose engine reads one. Raises InputError."""
-    engine = table.firmware.engine
-    serial = engine != AUTO and ENGINES[engine].serial
-    if table.stream is None and not serial:
-        return None
-    if engine != AUTO and not serial:
-        raise document.error(
-            "engine-unsupported",
-            ("stream",),
-            f"the {engine} engine does not read a serial line",
-            'write engine = "stream", or omit engine',
-        )
-    given = table.stream or StreamTable()
-    if len(servos) > MAX_SERVOS:
-        raise document.error(
-            "does-not-fit",
-            ("servo", MAX_SERVOS),
-            f"the stream engine drives up to {MAX_SERVOS} servos, not {len(servos)}",
-        )
-    taken = {servo.pin: servo.name for servo in servos}
-    for name, pin in (("receive_pin", given.receive_pin), ("transmit_pin", given.transmit_pin)):
-        if pin is None:
-            continue
-        key = ("stream", name)
-        if pin not in PINS:
-            raise document.error("unknown-pin", key, f"unknown pin '{pin}'", did_you_mean(pin, PINS))
-        if pin in taken:
-            raise document.error(
-                "pin-in-use", key, f"{pin} is in use: {taken[pin]}", "the line needs pins of its own"
-            )
-        taken[pin] = name
-    _check_transmit_pin(document, given.transmit_pin, servos)
-    stream = Stream(
-        baud=given.baud,
-        receive_pin=given.receive_pin,
-        transmit_pin=given.transmit_pin,
-        silence_s=exact(given.silence_s),
-        fail_safe=given.fail_safe,
-        place=document.place("stream", "baud"),
-    )
-    # Raises InputError for a rate that the chip cannot receive at this clock.
-    bit_units(stream, clock)
-    return stream
-
-
-def _check_transmit_pin(document: Document, pin: str | None, servos: Sequence[Servo]) -> None:
-    """Raise InputError for a pin that cannot drive a line high, or whose port has servos.
-
-    Every edge of a pulse is a write to its whole port.
-    """
-    key = ("stream", "transmit_pin")
-    if pin == OPEN_DRAIN_PIN:
-        raise document.error(
-            "open-drain", key, f"{OPEN_DRAIN_PIN} is an open drain and cannot drive a line high"
-        )
-    # Writes of the port for the line would change the moments of pulses on it.
-    neighbours = [servo.name for servo in servos if pin is not None and servo.pin[1] == pin[1]]
-    if neighbours:
-        raise document.error(
-            "pin-in-use",
-            key,
-            f"{pin} is on the port of {neighbours[0]}",
-            "the transmit pin needs a port without servos",
-        )
 
 
 MIN_CLOCK_HZ = 32_000
@@ -335,7 +287,7 @@ def _job(document: Document) -> Job:
     rig = rig_of(document, table)
     servos = rig.servos
     frame = _frame(document, table, clock)
-    firmware, stream = firmware_of(document, table, servos, frame, clock)
+    firmware, inputs = firmware_of(document, table, servos, frame, clock)
     return Job(
         name=_name(document),
         document=document,
@@ -348,12 +300,18 @@ def _job(document: Document) -> Job:
         wheels=table.drive.wheels if table.drive else (),
         frame=frame,
         firmware=firmware,
-        stream=stream,
-        section=_section(document, table, needed=stream is None),
+        inputs=inputs,
+        section=_section(document, table, needed=not _moved(inputs)),
         supply=table.supply,
         sensors=_sensors(document, table, rig.robot, servos),
         expect=_expect(document, table),
     )
+
+
+def _moved(inputs: Sequence[EngineInput]) -> bool:
+    """Return whether positions come from one of the inputs."""
+    moving = {section.kind for section in sections().values() if section.moves}
+    return any(each.kind in moving for each in inputs)
 
 
 def _expect(document: Document, table: JobTable) -> ExpectTable | None:

@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import ConfigDict, Field
+from pydantic import ConfigDict, Field, create_model
 
-from servogen.edges import PINS
-from servogen.engines.registry import ENGINES
+from servogen.engines.inputs import PinName
+from servogen.engines.registry import ENGINES, sections
 from servogen.robot.servo_models import FactKeys
 from servogen.toml.file import Table
 
@@ -27,8 +27,6 @@ Length = Annotated[float, Field(ge=0, le=MAX_MM)]
 Seconds = Annotated[float, Field(ge=0, le=MAX_S)]
 LawName = Literal["linear", "cubic", "quintic", "trapezoid", "s-curve"]
 Sign = Literal["positive", "negative"]
-PinName = Annotated[str, Field(json_schema_extra={"enum": list(PINS)})]
-"""A pin; `reader` says which name is meant."""
 if TYPE_CHECKING:
     EngineName = str
 else:
@@ -260,16 +258,6 @@ class FirmwareTable(Table):
     stop_pulses: Literal["off", "hold"] | None = None
 
 
-class StreamTable(Table):
-    """[stream]: the serial line of the stream engine."""
-
-    baud: int = Field(default=2400, gt=0)
-    receive_pin: PinName = "RA4"
-    transmit_pin: PinName | None = None
-    silence_s: float = Field(default=1.0, gt=0, le=MAX_S)
-    fail_safe: Literal["hold", "neutral", "off"] = "neutral"
-
-
 class SupplyTable(Table):
     """[supply]: the battery or power supply that feeds all servos, for `servogen twin`."""
 
@@ -326,9 +314,18 @@ class JobTable(Table):
     walk: WalkTable | None = None
     program: ProgramTable | None = None
     drive: DriveTable | None = None
-    stream: StreamTable | None = None
     frame: FrameTable = FrameTable()
     firmware: FirmwareTable = FirmwareTable()
     supply: SupplyTable | None = None
     sensor: tuple[SensorTable, ...] = ()
     expect: ExpectTable | None = None
+
+
+if not TYPE_CHECKING:
+    # an engine's own input has a table of its own, which only the engine knows
+    JobTable = create_model(
+        "JobTable",
+        __base__=JobTable,
+        __doc__=JobTable.__doc__,
+        **{section.name: (section.table | None, None) for section in sections().values()},
+    )

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from servogen.engines.player.commands import CommandButton, CommandLine
+from servogen.engines.inputs.commands import CommandButton, CommandLine
 from servogen.job import Job
 from servogen.pic.device import OPEN_DRAIN_PIN, PACKAGE
 from servogen.report.drawing import PALETTE
@@ -34,11 +34,11 @@ def wires(job: Job) -> Iterator[Wire]:
     numbers = {pin.name: pin.number for pin in PACKAGE}
     for servo in job.servos:
         yield Wire(numbers[servo.pin], servo.pin, f"signal of servo '{servo.name}'", servo)
-    buttons, stream = job.firmware.buttons, job.stream
+    buttons, stream = job.buttons, job.stream
     for name, button in (("start", buttons.start), ("stop", buttons.stop)):
         if button:
             yield Wire(numbers[button.pin], button.pin, f"{name} {button.text()}")
-    commands = job.firmware.commands
+    commands = job.commands
     if isinstance(commands, CommandLine):
         yield Wire(numbers[commands.pin], commands.pin, "commands, 5 V, high at rest, 10 kOhm pull-up to VDD")
     elif isinstance(commands, CommandButton):
@@ -77,9 +77,9 @@ def remarks(job: Job) -> Iterator[str]:
     if unknown:
         yield f"Peak current not stated by the maker of: {', '.join(unknown)}."
     yield "The servos take it from a supply of their own, not through the chip's."
-    yield from job.firmware.buttons.text()
-    if job.firmware.commands:
-        yield from job.firmware.commands.text()
+    yield from job.buttons.text()
+    if job.commands:
+        yield from job.commands.text()
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,7 +29,7 @@ from servogen.debug.time_machine import Repetition, TimeMachine
 from servogen.drive.commands import STOP
 from servogen.drive.on_command import REPEATS
 from servogen.edges import HIGH, PINS, UNDRIVEN, Driven, EdgeChunk, join
-from servogen.engines.player.commands import CommandButton, CommandButtons, CommandLine, uart_byte
+from servogen.engines.inputs.commands import CommandButton, CommandButtons, CommandLine, uart_byte
 from servogen.engines.stream.protocol import MAX_VALUE, SYNC
 from servogen.errors import Diagnostic, InputError, ServogenError
 from servogen.pic.device import EEPROM_BYTES, PACKAGE, RAM_FIRST
@@ -601,7 +601,7 @@ class WatchSession:
     def _do_walk(self, message: Mapping[str, Any]) -> Iterator[Message]:
         """Send the code of a way, or the one to stop, to the line of a robot that walks on command."""
         job = self.subject.job
-        commands = job.firmware.commands if job else None
+        commands = job.commands if job else None
         if job is None or not isinstance(commands, CommandLine):
             raise InputError("not-allowed", "only a job with [walk] commands on a line accepts directions")
         commanded, ways = str(message["way"]), (*(direction.name for direction in job.directions), STOP)
@@ -843,12 +843,12 @@ def _inputs(subject: Subject) -> list[Message]:
     """Return the buttons of a job: name, pin, and the level at which each is pressed."""
     if subject.job is None:
         return []
-    buttons = subject.job.firmware.buttons
+    buttons = subject.job.buttons
     named = [("start", buttons.start), ("stop", buttons.stop)]
-    if isinstance(subject.job.firmware.commands, CommandButtons):
-        named += subject.job.firmware.commands.buttons.items()
-    elif isinstance(subject.job.firmware.commands, CommandButton):
-        named.append(("walk", subject.job.firmware.commands.button))
+    if isinstance(subject.job.commands, CommandButtons):
+        named += subject.job.commands.buttons.items()
+    elif isinstance(subject.job.commands, CommandButton):
+        named.append(("walk", subject.job.commands.button))
     return [{"name": name, "pin": button.pin, "pressed": button.level} for name, button in named if button]
 
 
@@ -862,10 +862,10 @@ def _serial(subject: Subject) -> Message | None:
 
 def _walk(subject: Subject) -> Message | None:
     """Return the ways of a robot that walks as codes command."""
-    if subject.job is None or not isinstance(subject.job.firmware.commands, CommandLine):
+    if subject.job is None or not isinstance(subject.job.commands, CommandLine):
         return None
     return {
-        "pin": subject.job.firmware.commands.pin,
+        "pin": subject.job.commands.pin,
         "ways": [direction.name for direction in subject.job.directions],
         "stop": STOP,
     }

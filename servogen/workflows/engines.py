@@ -138,8 +138,7 @@ def _suitable(job: PlannedJob) -> Sequence[str]:
     """Return the engine that the job names, or all engines that read its serial line and its buttons."""
     if job.firmware.engine != "auto":
         return (job.firmware.engine,)
-    firmware = job.firmware
-    return suitable(job.stream is not None, firmware.buttons.any, firmware.commands is not None)
+    return suitable({each.kind for each in job.inputs})
 
 
 def _played_by(name: str, job: PlannedJob) -> PlayedJob:

@@ -21,7 +21,7 @@ from servogen.engines.sequence.programs import START, DelayPath, Hold, Overheads
 from servogen.engines.sequence.programs import Sequence as Program
 from servogen.engines.sequence.rendering import render
 from servogen.engines.sequence.sequencing import MARGIN, sequence
-from servogen.engines.sequence.tuning import edges_to_watch
+from servogen.engines.sequence.tuning import TunedFirmware, edges_to_watch
 from servogen.errors import InputError, Location
 from servogen.job import PlannedJob
 from servogen.pic.image import Image
@@ -85,6 +85,7 @@ def tune_to(
             hint=f"there is nothing to tune: servogen verify {hex_file} --against schedule.json",
         )
     schedule, firmware = played.plan.schedule, played.make(dialect)
+    assert isinstance(firmware, TunedFirmware)
     source = source or Source(firmware.text, firmware.file)
     known = compile_sources([source], Options(dialect=dialect, device=job.device)).image
     program = sequence(schedule, firmware.overheads)

@@ -22,7 +22,7 @@ from servogen.cli import drive_commands, show
 from servogen.drive import controller, on_command, request, serial_link, session, sweep
 from servogen.drive.session import Summary
 from servogen.drive.steering import Rates
-from servogen.engines.player.commands import CommandLine
+from servogen.engines.inputs.commands import CommandLine
 from servogen.errors import Diagnostic, InputError, ToolError
 from servogen.job import load, loads
 from servogen.robot import calibration

@@ -27,15 +27,15 @@ from servogen.drive.commands import WALK_KEYS, commands_of_keys, script
 from servogen.drive.on_command import CommandedDrive, CommandedFrame, Twin
 from servogen.drive.serial_link import VirtualTime
 from servogen.edges import PINS
-from servogen.engines.player.buttons import ButtonPin
-from servogen.engines.player.commands import (
+from servogen.engines.inputs.buttons import ButtonPin
+from servogen.engines.inputs.commands import (
     CommandButton,
     CommandButtons,
     Commander,
     CommandLine,
-    DirectionPlaces,
     uart_byte,
 )
+from servogen.engines.player.script import DirectionPlaces
 from servogen.errors import InputError
 from servogen.job import PlannedJob, load, plan_job
 from servogen.pic.device import RAM_FIRST

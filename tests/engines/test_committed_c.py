@@ -43,7 +43,7 @@ def test_a_player_s_c_is_the_committed_one(name: str) -> None:
     _, played, _ = play(job)
     stored = in_flash(played.encoded.script.data)
     for dialect in DIALECTS:
-        text = render_player(played, stored, job.firmware.buttons, dialect, job.device, job.name)
+        text = render_player(played, stored, job.buttons, dialect, job.device, job.name)
         assert text == committed(name, f"main.{dialect}.c")
     assert replace(played.plan.schedule, device=job.device.name).json_text() == planned_schedule(name)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import subprocess
 import sys
@@ -14,7 +15,10 @@ from servogen.engines.registry import ENGINES, engine_named
 ROOT = Path(__file__).parents[2]
 TOY = Path(__file__).parent / "toy"
 LAST = '        "stream": EngineEntry('
-LINE = '        "toy": EngineEntry("servogen.engines.toy.engine"),\n'
+LINE = (
+    '        "toy": EngineEntry("servogen.engines.toy.engine", accepts=("a jumper",), '
+    'section="servogen.engines.toy.section"),\n'
+)
 
 JOB = """
 [chip]
@@ -48,7 +52,8 @@ def four_engines(tmp_path_factory: pytest.TempPathFactory) -> Path:
     package.mkdir()
     templates.mkdir()
     (package / "__init__.py").write_text('"""The toy engine."""\n')
-    shutil.copy(TOY / "engine.py", package)
+    for module in ("engine.py", "section.py"):
+        shutil.copy(TOY / module, package)
     shutil.copy(TOY / "main.c.j2", templates)
     registry = folder / "servogen" / "engines" / "registry.py"
     text = registry.read_text()
@@ -87,6 +92,50 @@ def test_what_it_does_not_read_is_refused_by_the_facts_on_its_line(four_engines:
     done = built(four_engines, JOB + 'start_pin = "RA4"\n')
     assert done.returncode == 2
     assert "the toy engine does not read buttons" in done.stderr
+
+
+JUMPER = '[jumper]\npin = "RA4"\n'
+
+
+@pytest.mark.parametrize("engine", ["toy", "auto"])
+def test_an_input_of_its_own_is_a_table_that_only_it_accepts(four_engines: Path, engine: str) -> None:
+    done = built(four_engines, JOB.replace('"toy"', f'"{engine}"') + JUMPER)
+    assert done.returncode == 0, done.stdout + done.stderr
+    text = (four_engines / "out" / "main.c2c.c").read_text()
+    assert "while ((PORTA & 0x10) == 0)" in text
+    assert json.loads((four_engines / "out" / "schedule.json").read_text())["inputs"] == [
+        {"pin": "RA4", "level": 1}
+    ]
+
+
+def test_another_engine_refuses_the_input(four_engines: Path) -> None:
+    done = built(four_engines, JOB.replace('"toy"', '"sequence"') + JUMPER)
+    assert done.returncode == 2
+    assert "toy.toml:20:1" in done.stderr and "the sequence engine does not read a jumper" in done.stderr
+    assert 'write engine = "toy", or omit engine' in done.stderr
+
+
+def test_its_table_is_checked_as_all_others_are(four_engines: Path) -> None:
+    for text, message in (
+        ('[jumper]\npin = "RB0"\n', "RB0 is in use: arm"),
+        ('[jumper]\npin = "RB9"\n', "unknown pin 'RB9'"),
+        ('[jumper]\npins = "RA4"\n', "unknown key 'pins'"),
+    ):
+        done = built(four_engines, JOB + text)
+        assert done.returncode == 2 and message in done.stderr, done.stderr
+
+
+def test_without_its_line_there_is_no_such_table(tmp_path: Path) -> None:
+    (tmp_path / "toy.toml").write_text(JOB.replace('"toy"', '"auto"') + JUMPER)
+    command = [sys.executable, "-m", "servogen", "check", str(tmp_path / "toy.toml")]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 2 and "unknown key 'jumper'" in done.stderr
+
+
+def test_the_protocol_and_the_firmware_of_engines_know_no_engine() -> None:
+    for name in ("protocol", "firmware"):
+        text = (ROOT / "servogen" / "engines" / f"{name}.py").read_text()
+        assert [engine for engine in ENGINES if f"servogen.engines.{engine}" in text] == []
 
 
 def test_without_its_line_there_is_no_such_engine(tmp_path: Path) -> None:

@@ -217,7 +217,7 @@ def test_a_drive_has_corners_or_routines() -> None:
 
 def test_a_bumper_may_not_hold_the_pulses_of_wheels() -> None:
     bumper = '[firmware]\nengine = "player"\nstop_pin = "RA4"\n'
-    assert made(("[frame]", f"{bumper}[frame]")).firmware.buttons.any
+    assert made(("[frame]", f"{bumper}[frame]")).buttons.any
     assert (
         "firmware.stop_pulses: wheel1 turns continuously: pulses that are held keep it turning"
         in error_of(("[frame]", f'{bumper}stop_pulses = "hold"\n[frame]'))

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from servogen.engines.player.commands import CommandButton, CommandButtons, CommandLine
+from servogen.engines.inputs.commands import CommandButton, CommandButtons, CommandLine
 from servogen.errors import InputError, Location
 from servogen.job import PlannedJob, load, loads, plan_job
 from servogen.job.job import Job
@@ -141,12 +141,7 @@ def test_up_to_thirteen_pins_have_a_servo() -> None:
 def test_the_firmware_is_what_its_table_says() -> None:
     plain = job().firmware
     assert (plain.dialect, plain.engine, plain.soft_start_s, plain.max_error_us) == ("c2c", "auto", 1, 10)
-    assert (plain.buttons.start, plain.buttons.stop, plain.buttons.any, plain.commands) == (
-        None,
-        None,
-        False,
-        None,
-    )
+    assert (job().inputs, job().buttons.any, job().commands, job().stream) == ((), False, None, None)
     own = job(
         '[firmware]\ndialect = "sdcc"\nengine = "player"\nsoft_start_s = 0.25\nmax_error_us = 3.5\n'
     ).firmware
@@ -162,7 +157,7 @@ def test_a_button_is_pressed_at_its_level() -> None:
     for name in ["start", "stop"]:
         for level, number in [("", 0), ("low", 0), ("high", 1)]:
             text = f'[firmware]\n{name}_pin = "RA2"\n' + (f'{name}_level = "{level}"\n' if level else "")
-            buttons = job(text).firmware.buttons
+            buttons = job(text).buttons
             button, other = (
                 (buttons.start, buttons.stop) if name == "start" else (buttons.stop, buttons.start)
             )
@@ -172,7 +167,7 @@ def test_a_button_is_pressed_at_its_level() -> None:
 
 def test_a_stop_switches_the_pulses_off_unless_they_are_held() -> None:
     for pulses, off in [("", True), ('stop_pulses = "off"', True), ('stop_pulses = "hold"', False)]:
-        assert job(f'[firmware]\nstop_pin = "RA2"\n{pulses}\n').firmware.buttons.off is off
+        assert job(f'[firmware]\nstop_pin = "RA2"\n{pulses}\n').buttons.off is off
 
 
 def test_buttons_that_cannot_be_are_refused() -> None:
@@ -222,16 +217,16 @@ def commanded(commands: str, more: str = "") -> Job:
 
 
 def test_commands_are_read_from_a_line_or_from_buttons() -> None:
-    line = commanded("forward_mm = 30").firmware.commands
+    line = commanded("forward_mm = 30").commands
     assert line == CommandLine("RA4")
-    one = commanded('forward_mm = 30, button = "RA4", button_level = "high"').firmware.commands
+    one = commanded('forward_mm = 30, button = "RA4", button_level = "high"').commands
     assert isinstance(one, CommandButton)
     assert (one.button.pin, one.button.level) == ("RA4", 1)
-    low = commanded('forward_mm = 30, button = "RA4"').firmware.commands
+    low = commanded('forward_mm = 30, button = "RA4"').commands
     assert isinstance(low, CommandButton)
     assert low.button.level == 0
     for level, number in (("", 0), (', button_level = "high"', 1)):
-        several = commanded(f'turn_deg = 9, buttons = {{ left = "RA4" }}{level}').firmware.commands
+        several = commanded(f'turn_deg = 9, buttons = {{ left = "RA4" }}{level}').commands
         assert isinstance(several, CommandButtons)
         assert {name: (button.pin, button.level) for name, button in several.buttons.items()} == {
             "left": ("RA4", number)

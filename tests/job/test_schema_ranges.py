@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
+from servogen.engines.stream.section import StreamTable
 from servogen.errors import InputError
 from servogen.job import schema
 from servogen.kinematics.hexapod import HexapodTable, MountTable
@@ -89,8 +90,8 @@ RANGES: list[tuple[type[Table], str, Ends, Ends]] = [
     *((schema.FrameTable, key, (1, 0), (13, 14)) for key in ("per_slot", "max_together")),
     (schema.FirmwareTable, "soft_start_s", FROM_0, up_to(DAYS)),
     (schema.FirmwareTable, "max_error_us", ABOVE_0, up_to(1000.0)),
-    (schema.StreamTable, "baud", (1, 0), NONE),
-    (schema.StreamTable, "silence_s", ABOVE_0, up_to(DAYS)),
+    (StreamTable, "baud", (1, 0), NONE),
+    (StreamTable, "silence_s", ABOVE_0, up_to(DAYS)),
     (schema.SupplyTable, "voltage_v", ABOVE_0, up_to(100.0)),
     (schema.SupplyTable, "resistance_ohm", FROM_0, up_to(100.0)),
     (schema.SupplyTable, "limit_a", ABOVE_0, up_to(1000.0)),

@@ -6,6 +6,7 @@ from fractions import Fraction
 
 import pytest
 
+from servogen.engines.inputs.serial import Stream
 from servogen.engines.stream.settings import (
     BIT_GAP,
     MASKED,
@@ -13,7 +14,6 @@ from servogen.engines.stream.settings import (
     STAMP,
     START_GAP,
     STOP_AFTER,
-    Stream,
     bit_units,
     first_units,
 )

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from servogen.engines.player.buttons import ButtonPin
-from servogen.engines.player.commands import CommandButton, CommandButtons, CommandLine
+from servogen.engines.inputs.buttons import ButtonPin
+from servogen.engines.inputs.commands import CommandButton, CommandButtons, CommandLine
 from servogen.job import Job, loads
 from servogen.report.drawing import PALETTE
 from servogen.report.wiring import open_drain, package, remarks, wires
@@ -41,7 +41,7 @@ def listed(found: Job) -> list[tuple[int, str, str]]:
 
 def commanded(commands: Any) -> Job:
     plain = job(ARM + MOTION)
-    return replace(plain, firmware=replace(plain.firmware, commands=commands))
+    return replace(plain, inputs=() if commands is None else (commands,))
 
 
 def test_servos_come_first_and_the_supply_last() -> None:
@@ -67,8 +67,8 @@ def test_the_buttons_of_the_player_are_wired_to_the_rail_of_their_level() -> Non
     ]
     one = job(ARM + MOTION + firmware.replace('start_pin = "RB1"\n', ""))
     assert listed(one)[1:-5] == [(8, "RB2", "stop button to VDD, 10 kOhm pull-down to ground")]
-    assert [*remarks(found)][2:] == [*found.firmware.buttons.text()]
-    assert [*found.firmware.buttons.text()]
+    assert [*remarks(found)][2:] == [*found.buttons.text()]
+    assert [*found.buttons.text()]
 
 
 def test_a_walk_on_command_has_a_line_a_button_or_a_button_for_each_direction() -> None:
@@ -82,7 +82,7 @@ def test_a_walk_on_command_has_a_line_a_button_or_a_button_for_each_direction() 
         (13, "RB7", "left button to VDD, 10 kOhm pull-down to ground"),
     ]
     for found in (line, one, several):
-        commands: Any = found.firmware.commands
+        commands: Any = found.commands
         assert [*remarks(found)][2:] == [*commands.text()]
     assert len([*remarks(commanded(None))]) == 2
 

@@ -17,8 +17,8 @@ import pytest
 
 from servogen.bench.ports import Unplugged
 from servogen.edges import HIGH, LOW, PINS, EdgeTrace, edge_chunk
-from servogen.engines.player.buttons import ButtonPin
-from servogen.engines.player.commands import CommandButton
+from servogen.engines.inputs.buttons import ButtonPin
+from servogen.engines.inputs.commands import CommandButton
 from servogen.errors import InputError
 from servogen.pic.image import Image, to_hex
 from servogen.plan_error import PlanError, plan_text
@@ -642,8 +642,8 @@ def test_the_buttons_of_directions_are_pressed_here(tmp_path: Path) -> None:
 
 def test_the_buttons_of_a_job_have_names() -> None:
     def inputs(commands: Any, start: Any = None, stop: Any = None) -> list[tuple[str, str, int]]:
-        firmware = SimpleNamespace(buttons=SimpleNamespace(start=start, stop=stop), commands=commands)
-        subject: Any = SimpleNamespace(job=SimpleNamespace(firmware=firmware))
+        buttons = SimpleNamespace(start=start, stop=stop)
+        subject: Any = SimpleNamespace(job=SimpleNamespace(buttons=buttons, commands=commands))
         return [(each["name"], each["pin"], each["pressed"]) for each in session_module._inputs(subject)]
 
     ra2, rb7 = ButtonPin("RA2", 0), ButtonPin("RB7", 1)

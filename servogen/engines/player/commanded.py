@@ -19,10 +19,8 @@ from itertools import pairwise
 import numpy as np
 
 from servogen.engines.firmware import ResourceError
-from servogen.engines.player.commands import (
-    ENTRY,
+from servogen.engines.inputs.commands import (
     Commander,
-    DirectionPlaces,
 )
 from servogen.engines.player.encoding import Encoded, row_table
 from servogen.engines.player.layout import Used, layout
@@ -44,7 +42,7 @@ from servogen.engines.player.playing import (
     runs_of,
     warnings_of,
 )
-from servogen.engines.player.script import LEGS_TIMINGS, MAX_BYTES, Script, ScriptStep
+from servogen.engines.player.script import ENTRY, LEGS_TIMINGS, MAX_BYTES, DirectionPlaces, Script, ScriptStep
 from servogen.errors import InputError
 from servogen.motion.gait.commands import CommandedDirection
 from servogen.motion.trajectory import JointTrajectory

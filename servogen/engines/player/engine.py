@@ -12,8 +12,10 @@ from functools import cache, partial
 
 from servogen.compiler import WORDS_NEEDED, Options
 from servogen.engines.firmware import Firmware, ResourceError, TimingBudget, compiled_to_fit
+from servogen.engines.inputs import given
+from servogen.engines.inputs.buttons import ControlButtons, waited, waited_motion
+from servogen.engines.inputs.commands import commander
 from servogen.engines.player import Playing, SlotLayout, playing
-from servogen.engines.player.buttons import waited, waited_motion
 from servogen.engines.player.commanded import commanded
 from servogen.engines.player.legs import LONGEST
 from servogen.engines.player.playing import BUTTONS_BYTES, COMMANDS_BYTES, DATA_BYTES
@@ -50,11 +52,12 @@ def play(
     Its tables may be larger by `more_bytes` than those that fit flash beside the program; without `bends` no
     calibration has a knee. Raises InputError or ResourceError.
     """
-    buttons = job.firmware.buttons
+    buttons = given(job.inputs, ControlButtons) or ControlButtons()
+    line = commander(job.inputs)
     begun, ends = with_soft_start(job.trajectory, job.servos, job.clock, job.firmware.soft_start_s)
-    if job.firmware.commands is not None:
+    if line is not None:
         _check_soft_start(job, ends)
-        line, maximum = job.firmware.commands, DATA_BYTES - COMMANDS_BYTES + more_bytes
+        maximum = DATA_BYTES - COMMANDS_BYTES + more_bytes
         played, tour = commanded(
             begun, job.directions, line, job.servos, job.bindings, job.frame, ends, maximum
         )
@@ -93,9 +96,10 @@ def compiled(job: EngineJob, played: Playing, dialect: str) -> Firmware:
     Raises ResourceError if the chip is too small for both.
     """
     script = played.encoded.script.data
+    buttons = given(job.inputs, ControlButtons) or ControlButtons()
 
     def with_script(stored: Stored) -> Firmware:
-        text = render_player(played, stored, job.firmware.buttons, dialect, job.device, job.name)
+        text = render_player(played, stored, buttons, dialect, job.device, job.name)
         return replace(firmware(text, job, played.layout, dialect), script=stored)
 
     try:

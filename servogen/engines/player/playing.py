@@ -15,12 +15,12 @@ import numpy as np
 
 from servogen.engines.firmware import ResourceError
 from servogen.engines.player.arithmetic import Whole
-from servogen.engines.player.commands import DirectionPlaces
 from servogen.engines.player.encoding import Encoded
 from servogen.engines.player.knees import Knees, knees_of
 from servogen.engines.player.layout import SlotLayout, Used, layout
 from servogen.engines.player.legs import legs_encoded
 from servogen.engines.player.poses import poses_encoded
+from servogen.engines.player.script import DirectionPlaces
 from servogen.errors import Diagnostic, InputError
 from servogen.motion.trajectory import Floats, JointTrajectory
 from servogen.plan_error import PlanError

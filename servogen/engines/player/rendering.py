@@ -9,20 +9,28 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from servogen.engines.c_text import ChannelText, assembly, decimal, header_values, render_template
-from servogen.engines.player.arithmetic import ENTRIES, FRACTION
-from servogen.engines.player.buttons import PRESSED_FRAMES, ButtonPin, ControlButtons
-from servogen.engines.player.commands import (
+from servogen.engines.inputs.buttons import PRESSED_FRAMES, ButtonPin, ControlButtons
+from servogen.engines.inputs.commands import (
     COMMAND_SHIFT,
-    ENTRY,
     CommandButton,
     CommandButtons,
     CommandLine,
-    DirectionPlaces,
     hearing_table,
 )
+from servogen.engines.player.arithmetic import ENTRIES, FRACTION
 from servogen.engines.player.layout import TICKS
 from servogen.engines.player.playing import Playing
-from servogen.engines.player.script import AGAIN, AT, HALF, SILENT, SPOT, STAY, STRAIGHT
+from servogen.engines.player.script import (
+    AGAIN,
+    AT,
+    ENTRY,
+    HALF,
+    SILENT,
+    SPOT,
+    STAY,
+    STRAIGHT,
+    DirectionPlaces,
+)
 from servogen.engines.stored_script import Stored
 from servogen.pic.device import EEPROM_ADDRESS, Device, registers
 from servogen.units import Cycles

@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from servogen.engines.firmware import ResourceError
+from servogen.engines.inputs.commands import Commander
 
 AGAIN, SPOT, AT = 0xFF, 0xFD, 0xFC
 """Bytes that do not encode steps; bit 0 of `SPOT` and `AT` tells the chip whether a step is on the spot."""
@@ -249,3 +250,26 @@ def folded(entries: Sequence[RowEntry]) -> list[tuple[list[RowEntry], int]]:
     # The repetition that saves most is taken first; what is before and after it is folded in the same way.
     body = list(entries[start : start + length])
     return [*folded(entries[:start]), (body, times), *folded(entries[start + length * times :])]
+
+
+ENTRY = 2
+"""The bytes of a pose in the script: the place of its row; its lifted legs and the timing of the step to
+it.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class DirectionPlaces:
+    """The directions of a walk as places in the script, four for each: where its start, its cycle and its
+    stop begin, and where it ends. The first four belong to standing, which has only a start.
+
+    Of the directions the first, the third … are read backward, the others and standing forward.
+    """
+
+    read: Commander
+    names: tuple[str, ...]
+    places: tuple[int, ...]
+    stance: int
+    """The place at which the lead-in ends."""
+    spot_timing: int
+    """The number of the timing of steps on the spot."""

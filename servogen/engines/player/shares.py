@@ -13,6 +13,7 @@ from itertools import accumulate
 
 import numpy as np
 
+from servogen.engines.inputs.commands import commander
 from servogen.engines.player.commanded import encoded_directions
 from servogen.engines.player.encoding import Encoded
 from servogen.engines.player.layout import Demand, Used, demand
@@ -96,11 +97,12 @@ def shares(job: EngineJob) -> Shares:
     soft = len(begun.angles) - len(job.trajectory.angles)
     parts = [Part(SOFT_START, 0)] if soft else []
     ideal: Floats | None = None
-    if job.firmware.commands is not None:
+    line = commander(job.inputs)
+    if line is not None:
         encoded, _ = encoded_directions(
             begun,
             job.directions,
-            job.firmware.commands,
+            line,
             servos,
             job.bindings,
             ends,

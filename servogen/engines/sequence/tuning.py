@@ -8,6 +8,7 @@ simulate, render, until the measured overheads are those of the rendering.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass, field
 from itertools import islice
 
 import numpy as np
@@ -38,7 +39,14 @@ class TuningError(ServogenError):
     """Compiled code whose cycles vary, so that delays cannot compensate for them."""
 
 
-def tune(schedule: PulseSchedule, dialect: str, device: Device, title: str) -> Firmware:
+@dataclass(frozen=True, slots=True)
+class TunedFirmware(Firmware):
+    """Firmware with the cycles that were subtracted from its delays."""
+
+    overheads: Overheads = field(default_factory=Overheads)
+
+
+def tune(schedule: PulseSchedule, dialect: str, device: Device, title: str) -> TunedFirmware:
     """Return the firmware of a schedule with every delay corrected.
 
     Raises InputError if a delay has no time left, ResourceError if the chip is too small, TuningError if the
@@ -61,7 +69,7 @@ def tune(schedule: PulseSchedule, dialect: str, device: Device, title: str) -> F
         compilation = compiled_to_fit(text, file, options, title, "the sequence engine", SHORTER)
         measured = measure(program, compilation)
         if measured == overheads:
-            return Firmware(dialect, file, text, compilation, overheads=overheads)
+            return TunedFirmware(dialect, file, text, compilation, overheads=overheads)
         overheads = measured
     raise TuningError(
         "tuning-failed", f"{file}: the cycles between the delays did not settle in {ROUNDS} rounds"

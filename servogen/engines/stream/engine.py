@@ -13,6 +13,8 @@ import numpy as np
 
 from servogen.compiler import Options
 from servogen.engines.firmware import Firmware, TimingBudget, compiled_to_fit
+from servogen.engines.inputs import given
+from servogen.engines.inputs.serial import Stream
 from servogen.engines.protocol import Engine, EngineJob, EnginePlan
 from servogen.engines.stream.protocol import BITS, BYTES
 from servogen.engines.stream.rendering import OVERRUN, render_stream
@@ -37,17 +39,18 @@ def stream(job: EngineJob) -> tuple[JointTrajectory, Streaming]:
 
     Raises InputError.
     """
-    if job.stream is None:
+    line = given(job.inputs, Stream)
+    if line is None:
         raise InputError("missing-key", f"{job.name} has no serial line", hint="add a table [stream]")
     streamed = streaming(
         job.servos,
         job.frame,
         job.clock,
-        job.stream,
+        line,
         job.firmware.soft_start_s,
         job.firmware.soft_start_place,
     )
-    idle = replace(streamed.plan.schedule, inputs=(Input(job.stream.receive_pin, 1),))
+    idle = replace(streamed.plan.schedule, inputs=(Input(line.receive_pin, 1),))
     plan = replace(streamed.plan, schedule=idle)
     return _idle(job, idle), replace(streamed, plan=plan)
 

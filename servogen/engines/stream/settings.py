@@ -1,17 +1,16 @@
-"""The settings of a serial line, and whether the chip can receive it at its clock.
+"""Whether the chip can receive a serial line at its clock, and how its receiver counts.
 
-In: the values of [stream]. Out: `Stream`; InputError for a baud rate that the chip cannot receive at its
-clock.
+In: a `Stream`. Out: units of the receiver's time; InputError for a baud rate that cannot be received.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from fractions import Fraction
 
+from servogen.engines.inputs.serial import Stream
 from servogen.engines.stream.protocol import BITS
-from servogen.errors import InputError, Location
+from servogen.errors import InputError
 from servogen.units import Clock
 
 UNIT = 4
@@ -32,22 +31,6 @@ STOP_AFTER = 22
 
 BAUD_ERROR = Fraction(2, 100)
 """The allowed relative error of a sender's rate."""
-
-HOLD, NEUTRAL, OFF = "hold", "neutral", "off"
-
-
-@dataclass(frozen=True, slots=True)
-class Stream:
-    """The serial line's rate and pins; after `silence_s` without a command the fail-safe takes effect."""
-
-    baud: int = 2400
-    receive_pin: str = "RA4"
-    transmit_pin: str | None = None
-    silence_s: Fraction = Fraction(1)
-    fail_safe: str = NEUTRAL
-    """HOLD: positions are held; NEUTRAL: to the neutral pose; OFF: no more pulses."""
-    place: Location | None = None
-
 
 USUAL = (300, 600, 1200, 2400, 4800, 9600, 14_400, 19_200, 38_400)
 """The rates that are suggested when another one is refused."""

@@ -10,9 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
+from servogen.engines.inputs.serial import OFF, Stream
 from servogen.engines.stream.layout import RoundLayout, layout
 from servogen.engines.stream.protocol import MAX_VALUE, WidthRange, travel
-from servogen.engines.stream.settings import OFF, Stream, bit_units, first_units
+from servogen.engines.stream.settings import bit_units, first_units
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.pulse.lint import check_calibration, check_period
 from servogen.pulse.plan import PulsePlan

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field
 
+from servogen.engines.inputs.serial import HOLD, NEUTRAL, OFF
 from servogen.engines.stream.protocol import BITS, NO_TRIM, SYNC, TRIM_ZERO, CommandKind
-from servogen.engines.stream.settings import HOLD, NEUTRAL, OFF
 from servogen.engines.stream.streaming import Streaming
 from servogen.prove.stream.bits import FALSE, TRUE, Bits, Truth, all_of, byte, choose, choose_truth
 

@@ -15,8 +15,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass, fields
 
+from servogen.engines.inputs.serial import HOLD
 from servogen.engines.stream.protocol import CommandKind
-from servogen.engines.stream.settings import HOLD
 from servogen.engines.stream.streaming import Streaming
 from servogen.pic.device import INTERRUPT_VECTOR, RAM_FIRST, RAM_LAST, STACK_LEVELS, registers
 from servogen.pic.isa import encode

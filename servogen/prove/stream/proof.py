@@ -10,12 +10,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
+from servogen.engines.inputs.serial import HOLD
 from servogen.engines.protocol import EngineJob
 from servogen.engines.stream.engine import TRIMS, compiled
 from servogen.engines.stream.layout import LATEST, ROUND
 from servogen.engines.stream.protocol import BITS, BYTES
 from servogen.engines.stream.response import Response, response
-from servogen.engines.stream.settings import BAUD_ERROR, HOLD, MASKED, UNIT
+from servogen.engines.stream.settings import BAUD_ERROR, MASKED, UNIT
 from servogen.engines.stream.streaming import Streaming
 from servogen.pic.device import CONFIG_WATCHDOG_ON
 from servogen.pic.image import Image

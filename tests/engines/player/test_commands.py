@@ -7,7 +7,7 @@ from itertools import product
 
 import pytest
 
-from servogen.engines.player.commands import CODES, COMMAND_SHIFT, hearing_table, uart_byte
+from servogen.engines.inputs.commands import CODES, COMMAND_SHIFT, hearing_table, uart_byte
 from servogen.prove.commands import SerialCodes
 from servogen.pulse.schedule import CodeLine, Input
 

@@ -8,7 +8,7 @@ import pytest
 
 from servogen.edges import HIGH, LOW, EdgeTrace
 from servogen.engines.board import board_of
-from servogen.engines.player.buttons import waited
+from servogen.engines.inputs.buttons import waited
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
 from servogen.pulse import PulseSchedule, Run, from_json

@@ -14,10 +14,8 @@ import numpy as np
 import pytest
 
 from servogen.engines.firmware import ResourceError, TimingBudget
-from servogen.engines.player import engine, shares
-from servogen.engines.player.arithmetic import blended, excursion, weights
-from servogen.engines.player.buttons import ButtonPin, ControlButtons, waited, waited_motion
-from servogen.engines.player.commands import (
+from servogen.engines.inputs.buttons import ButtonPin, ControlButtons, waited, waited_motion
+from servogen.engines.inputs.commands import (
     CODES,
     CommandButton,
     CommandButtons,
@@ -25,6 +23,8 @@ from servogen.engines.player.commands import (
     hearing_table,
     uart_byte,
 )
+from servogen.engines.player import engine, shares
+from servogen.engines.player.arithmetic import blended, excursion, weights
 from servogen.engines.player.encoding import Rows, WidthScale, row_table, scale_of, shift_of
 from servogen.engines.player.engine import cautions
 from servogen.engines.player.layout import (
@@ -780,7 +780,7 @@ def test_a_program_too_large_for_flash_is_tried_once_more(monkeypatch: pytest.Mo
     played: Any = SimpleNamespace(
         encoded=SimpleNamespace(script=SimpleNamespace(data=bytes(100))), order=range(12), layout=None
     )
-    job: Any = SimpleNamespace(firmware=SimpleNamespace(buttons=None), device=None, name="x")
+    job: Any = SimpleNamespace(inputs=(), device=None, name="x")
     tried: list[Stored] = []
     needed: dict[str, object] = {}
 

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from servogen.engines.firmware import ResourceError
+from servogen.engines.inputs.buttons import ButtonPin
+from servogen.engines.inputs.commands import CommandButton, CommandButtons, CommandLine
 from servogen.engines.player import poses, theorem
 from servogen.engines.player.arithmetic import ENTRIES
-from servogen.engines.player.buttons import ButtonPin
 from servogen.engines.player.commanded import _Cuts, _read
-from servogen.engines.player.commands import CommandButton, CommandButtons, CommandLine, DirectionPlaces
 from servogen.engines.player.encoding import Legs
 from servogen.engines.player.layout import Slot, SlotLayout
 from servogen.engines.player.legs import (
@@ -30,7 +30,15 @@ from servogen.engines.player.legs import (
     walk_events,
 )
 from servogen.engines.player.rendering import _button, _chain, _rows, _Slots, kernel
-from servogen.engines.player.script import SILENT, STAY, STRAIGHT, ScriptStep, StepTiming, timing
+from servogen.engines.player.script import (
+    SILENT,
+    STAY,
+    STRAIGHT,
+    DirectionPlaces,
+    ScriptStep,
+    StepTiming,
+    timing,
+)
 from servogen.engines.player.theorem import LAST_WORDS, Allowance, KernelChanged, _Kernel, _Pulses, _smallest
 from servogen.motion.gait.footwork import bump, swing_share
 from servogen.pic.device import addresses

@@ -51,7 +51,7 @@ def forced(text: str, dialect: str = "c2c") -> Firmware:
     played = play(job)[1]
     stored = in_eeprom(played.encoded.script.data, len(job.servos))
     return firmware(
-        render_player(played, stored, job.firmware.buttons, dialect, job.device, job.name),
+        render_player(played, stored, job.buttons, dialect, job.device, job.name),
         job,
         played.layout,
         dialect,
@@ -91,7 +91,7 @@ def test_a_job_that_flash_cannot_hold_is_built_in_three_dialects_and_every_edge_
 def test_the_same_program_with_its_script_in_flash_is_too_large() -> None:
     job, played = played_six_ways()
     stored = in_flash(played.encoded.script.data)
-    text = render_player(played, stored, job.firmware.buttons, "c2c", job.device, job.name)
+    text = render_player(played, stored, job.buttons, "c2c", job.device, job.name)
     with pytest.raises(ResourceError, match=r"needs 10\d\d words of flash"):
         firmware(text, job, played.layout, "c2c")
 

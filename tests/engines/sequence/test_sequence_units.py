@@ -12,6 +12,9 @@ import pytest
 
 from servogen.edges import edge_chunk
 from servogen.engines.c_text import AsmLine, PortText, assembly, decimal, header_values, ports_of
+from servogen.engines.inputs.buttons import ControlButtons
+from servogen.engines.inputs.commands import COMMANDS
+from servogen.engines.inputs.serial import Stream
 from servogen.engines.registry import ENGINES, engine_named, suitable
 from servogen.engines.sequence import tuning
 from servogen.engines.sequence.programs import (
@@ -414,11 +417,11 @@ def test_assembly_is_code_and_comments() -> None:
 
 
 def test_engines_read_what_a_job_has() -> None:
-    # (serial, buttons, commands) → the engines that read them
-    assert suitable(False, False) == ("sequence", "player")
-    assert suitable(False, True) == ("player",) == suitable(False, False, True) == suitable(False, True, True)
-    assert suitable(True, False) == ("stream",)
-    assert suitable(True, True) == () == suitable(True, False, True)
+    buttons, commands, line = ControlButtons.kind, COMMANDS, Stream.kind
+    assert suitable(()) == ("sequence", "player")
+    assert suitable([buttons]) == ("player",) == suitable([commands]) == suitable([buttons, commands])
+    assert suitable([line]) == ("stream",)
+    assert suitable([line, buttons]) == () == suitable([line, commands]) == suitable(["a jumper"])
     assert [engine_named(name).title for name in ENGINES] == [
         "the sequence engine", "the player", "the stream engine"
     ]  # fmt: skip

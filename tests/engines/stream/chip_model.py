@@ -15,6 +15,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 
+from servogen.engines.inputs.serial import NEUTRAL, OFF
 from servogen.engines.stream.protocol import (
     NO_TRIM,
     SYNC,
@@ -25,7 +26,6 @@ from servogen.engines.stream.protocol import (
     trim_byte,
     trim_cycles,
 )
-from servogen.engines.stream.settings import NEUTRAL, OFF
 from servogen.engines.stream.streaming import Streaming
 from servogen.pulse.schedule import Pulse, PulseSchedule, Run
 from servogen.units import Cycles

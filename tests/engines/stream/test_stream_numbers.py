@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from servogen.engines.inputs.serial import Stream
 from servogen.engines.stream.engine import TRIMS, _idle, stream, timing_budgets
 from servogen.engines.stream.layout import RoundLayout, layout
 from servogen.engines.stream.protocol import (
@@ -24,13 +25,7 @@ from servogen.engines.stream.protocol import (
 )
 from servogen.engines.stream.rendering import _everybody, _facts, _out
 from servogen.engines.stream.response import Response, _minimum
-from servogen.engines.stream.settings import (
-    Stream,
-    _latest_sample,
-    _rates,
-    bit_units,
-    first_units,
-)
+from servogen.engines.stream.settings import _latest_sample, _rates, bit_units, first_units
 from servogen.engines.stream.streaming import streaming
 from servogen.errors import InputError
 from servogen.job import load, plan_job
@@ -264,7 +259,7 @@ def test_the_motion_without_commands_is_the_neutral_pose_or_none() -> None:
     angles = _idle(JOB, off).angles
     assert angles.shape == (50, 3)
     assert not (angles[:49] != angles[:49]).any() and (angles[49] != angles[49]).all()
-    code, message, hint = refusal(partial(stream, SimpleNamespace(stream=None, name="stream-arm")))
+    code, message, hint = refusal(partial(stream, SimpleNamespace(inputs=(), name="stream-arm")))
     assert (code, message, hint) == (
         "missing-key", "stream-arm has no serial line", "add a table [stream]"
     )  # fmt: skip

@@ -1,17 +1,23 @@
-"""A fourth engine, to show what one takes: it holds one servo in one position and can do nothing else."""
+"""A fourth engine, to show what one takes: it holds one servo in one position, once a jumper is set, if there
+is one.
+"""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 from servogen.compiler import Options
 from servogen.engines.c_text import ports_of, render_template
 from servogen.engines.firmware import Firmware, compiled_to_fit
+from servogen.engines.inputs import given
 from servogen.engines.protocol import Engine, EngineJob, EnginePlan
 from servogen.engines.sequence.waits import CALLS
+from servogen.engines.toy.section import Jumper
 from servogen.errors import InputError
 from servogen.pic.device import config_word, oscillator_for
 from servogen.pulse.plan import plan
+from servogen.pulse.schedule import Input
 from servogen.units import Cycles
 
 FALL = 1
@@ -35,6 +41,9 @@ class ToyEngine:
         if others or len(pulses) != 1 or pulses[0] is None:
             raise InputError("does-not-fit", f"{job.name}: {self.title} holds one servo in one position")
         width = pulses[0].width
+        jumper = given(job.inputs, Jumper)
+        if jumper is not None:
+            made = replace(made, schedule=replace(schedule, inputs=(Input(jumper.pin, 1),)))
 
         def make(dialect: str) -> Firmware:
             pin = job.servos[0].pin
@@ -47,6 +56,7 @@ class ToyEngine:
                 oscillator=oscillator_for(job.clock.hz),
                 configuration=f"0x{config_word(oscillator_for(job.clock.hz)):04X}",
                 ports=list(ports_of(schedule)),
+                jumper=jumper and {"port": jumper.pin[1], "mask": f"0x{1 << int(jumper.pin[2]):02X}"},
                 port=pin[1],
                 mask=f"0x{1 << int(pin[2]):02X}",
                 high=_wait(width - FALL, dialect, job),

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -43,6 +44,8 @@ class ButtonPin:
 @dataclass(frozen=True, slots=True)
 class ControlButtons:
     """A start button and an emergency stop, which switches the pulses off if `off` and else holds them."""
+
+    kind: ClassVar[str] = "buttons"
 
     start: ButtonPin | None = None
     stop: ButtonPin | None = None

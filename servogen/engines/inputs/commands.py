@@ -15,13 +15,17 @@ button steps through the directions.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import ClassVar
 
-from servogen.engines.player.buttons import PRESSED_FRAMES, ButtonPin
+from servogen.engines.inputs import EngineInput
+from servogen.engines.inputs.buttons import PRESSED_FRAMES, ButtonPin
 from servogen.motion.gait.commands import STRAIGHT, TURN
 from servogen.pulse.schedule import CodeLine, DirectionButtons, Input, StepButton
+
+COMMANDS = "commands for a walk"
 
 REST_FRAMES = 3
 """The number of high frames before a start; within a code, at most two frames in a row are high."""
@@ -48,6 +52,8 @@ STOP_BYTE = 0x00
 @dataclass(frozen=True, slots=True)
 class CommandLine:
     """The input pin for codes."""
+
+    kind: ClassVar[str] = COMMANDS
 
     pin: str
 
@@ -80,6 +86,8 @@ class CommandLine:
 @dataclass(frozen=True, slots=True)
 class CommandButtons:
     """The buttons of directions, by the directions' names."""
+
+    kind: ClassVar[str] = COMMANDS
 
     buttons: Mapping[str, ButtonPin]
 
@@ -114,6 +122,8 @@ class CommandButtons:
 class CommandButton:
     """The button that steps through the directions: forward, back, left, right."""
 
+    kind: ClassVar[str] = COMMANDS
+
     button: ButtonPin
 
     @property
@@ -144,27 +154,10 @@ class CommandButton:
 Commander = CommandLine | CommandButtons | CommandButton
 """What commands a walk."""
 
-ENTRY = 2
-"""The bytes of a pose in the script: the place of its row; its lifted legs and the timing of the step to
-it.
-"""
 
-
-@dataclass(frozen=True, slots=True)
-class DirectionPlaces:
-    """The directions of a walk as places in the script, four for each: where its start, its cycle and its
-    stop begin, and where it ends. The first four belong to standing, which has only a start.
-
-    Of the directions the first, the third … are read backward, the others and standing forward.
-    """
-
-    read: Commander
-    names: tuple[str, ...]
-    places: tuple[int, ...]
-    stance: int
-    """The place at which the lead-in ends."""
-    spot_timing: int
-    """The number of the timing of steps on the spot."""
+def commander(inputs: Iterable[EngineInput]) -> Commander | None:
+    """Return what commands the walk of a job with these inputs; None if nothing does."""
+    return next((each for each in inputs if isinstance(each, Commander)), None)
 
 
 def uart_byte(name: str | None) -> int:
