@@ -18,6 +18,7 @@ ABOUT_IT = (
     "servogen/prove/",
     "servogen/checker/",
     "servogen/cli/proof_commands.py",
+    "servogen/cli/contracts.py",
     "servogen/workflows/certificates.py",
     "docs/proof.md",
 )
@@ -50,6 +51,7 @@ ALLOWED = {
         "prove the programs of firmware/",
     ),
     "docs/design.md": ("→ `Proof`", "finds the proof"),
+    "docs/contracts.md": ("proof", "proven by one engine"),
     "docs/firmware.md": (
         "`servogen prove` proves this for every",
         "### What is proven",

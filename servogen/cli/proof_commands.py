@@ -62,6 +62,10 @@ def prove(
         Path | None,
         typer.Option("--against", help="Prove that it follows this schedule.json, for all inputs."),
     ] = None,
+    contract: Annotated[
+        Path | None,
+        typer.Option("--contract", help="Prove that it keeps this contract (TOML), for all inputs."),
+    ] = None,
     certificate: Annotated[
         Path | None, typer.Option("--certificate", help="With --against: write the certificate of the proof.")
     ] = None,
@@ -175,6 +179,20 @@ def prove(
     from servogen.prove.quantifiers import Quantifiers
     from servogen.simulator.options import start_value
 
+    if contract is not None:
+        from servogen.cli.contracts import ContractProofRequest, prove_contract_of
+
+        if against is not None or certificate is not None or any_line is not None or start or end:
+            raise InputError(
+                "conflicting-options",
+                "--against, --certificate, --any-line, --from and --to are not for a contract",
+                Location(str(contract), key="--contract"),
+            )
+        over = Quantifiers(resets=not no_resets, start=tuple(start_value(text) for text in power_up or ()))
+        asked = ContractProofRequest(
+            file, contract, counterexample, over, clock_hz, device, max_states, accept_one_engine, json
+        )
+        raise typer.Exit(prove_contract_of(asked))
     if against is not None:
         if start or end or clock_hz is not None:
             raise InputError(
@@ -407,8 +425,8 @@ def _line_to_json(
 def _write_stimulus(counterexample: Counterexample, schedule: PulseSchedule, path: Path) -> None:
     from servogen.outputs import write_text
 
-    if counterexample.stimulus(schedule):
-        write_text(path, counterexample.stimulus(schedule))
+    if counterexample.stimulus(schedule.clock):
+        write_text(path, counterexample.stimulus(schedule.clock))
 
 
 def _write_content(content: dict[int, int], image: Image, path: Path) -> None:
@@ -423,7 +441,7 @@ def _command(
     counterexample: Counterexample, file: Path, request: ProofRequest, schedule: PulseSchedule
 ) -> str:
     """Return the command that shows a counterexample's edges."""
-    stimulus = ["--stimulus", str(request.counterexample)] if counterexample.stimulus(schedule) else []
+    stimulus = ["--stimulus", str(request.counterexample)] if counterexample.stimulus(schedule.clock) else []
     clock = [] if counterexample.clock_hz else ["--clock-hz", str(schedule.clock.hz)]
     span = ["--cycles", str(counterexample.cycle + EXTRA_FRAMES * schedule.period)]
     program = file if counterexample.eeprom is None else request.content
@@ -466,7 +484,7 @@ def _counterexample_to_json(
         "message": counterexample.message,
         "cycle": counterexample.cycle,
         "command": _command(counterexample, file, request, schedule),
-        "stimulus": counterexample.stimulus(schedule) or None,
+        "stimulus": counterexample.stimulus(schedule.clock) or None,
         "eeprom": counterexample.eeprom,
     }
 

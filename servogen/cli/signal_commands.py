@@ -17,6 +17,7 @@ from servogen.cli.options import (
     Partial,
     RecordedWires,
     Seconds,
+    StimulusFile,
     takes_chip_options,
 )
 from servogen.cli.show import as_json, status, warn_of_all
@@ -52,7 +53,15 @@ def register(app: typer.Typer) -> None:
 def verify(
     file: SignalFile,
     chip: ChipOptions,
-    against: Annotated[Path, typer.Option("--against", help="The schedule.json that it should follow.")],
+    against: Annotated[
+        Path | None, typer.Option("--against", help="The schedule.json that it should follow.")
+    ] = None,
+    contract: Annotated[
+        Path | None,
+        typer.Option("--contract", help="The contract (TOML) that it should keep, instead of a schedule."),
+    ] = None,
+    stimulus: StimulusFile = None,
+    clock_hz: ClockHz = None,
     seconds: Seconds = None,
     forever: Annotated[
         bool,
@@ -75,8 +84,17 @@ def verify(
     from servogen.workflows.signals import device_for, is_program, program_for, refuse_chip_options, wires_for
     from servogen.workflows.verification import hidden_by, not_judged
 
-    schedule = read_schedule(against)
     wires = wires_for(file, wire)
+    _one_claim(against, contract, {"--stimulus": stimulus, "--clock-hz": clock_hz})
+    if contract is not None:
+        from servogen.cli.contracts import ContractRequest, verify_contract
+
+        request = ContractRequest(
+            file, contract, chip, seconds, stimulus, clock_hz, wires, device, partial, json
+        )
+        raise typer.Exit(verify_contract(request))
+    assert against is not None
+    schedule = read_schedule(against)
     board = chip.on(device_for(schedule, against, device))
     if forever:
         raise typer.Exit(_verify_forever(file, schedule, seconds, board, json))
@@ -114,6 +132,23 @@ def verify(
     else:
         print("\n".join((*verdict_lines(verdict), *not_judged(schedule, image))))
     raise typer.Exit(0 if verdict.accepted(partial) else 1)
+
+
+def _one_claim(against: Path | None, contract: Path | None, of_contract: Mapping[str, object]) -> None:
+    """Raise InputError unless one of the two is given, and nothing that only the other one needs."""
+    what = "is to be compared with one of --against SCHEDULE.json and --contract CONTRACT.toml"
+    if against is not None and contract is not None:
+        raise InputError("conflicting-options", what)
+    if against is None and contract is None:
+        raise InputError("missing-option", what)
+    for key, given in of_contract.items():
+        if against is not None and given is not None:
+            raise InputError(
+                "conflicting-options",
+                "a schedule states its clock and its inputs",
+                Location(key=key),
+                f"omit {key}, or use --contract",
+            )
 
 
 def _verify_forever(

@@ -23,6 +23,7 @@ from servogen.simulator.abstract import TIME_FIELDS, UNCERTAIN, AssumedBits
 from servogen.simulator.layout import FETCH, INTF, RBIF
 from servogen.simulator.options import START_VALUES
 from servogen.simulator.sources import Reset, SignalSource
+from servogen.units import Clock
 
 LONGEST_SLEEP = WATCHDOG_US[1] * 128
 """Cycles at 4 MHz until the slowest watchdog with the largest postscaler ends SLEEP."""
@@ -52,15 +53,15 @@ class Counterexample:
     eeprom: dict[int, int] | None = None
     """The bytes of the EEPROM that are not erased; None: as in the file."""
 
-    def stimulus(self, schedule: PulseSchedule) -> str:
+    def stimulus(self, clock: Clock) -> str:
         """Return the stimulus file for `servogen simulate`."""
         blocks = []
         for pin, changes in self.levels:
-            times = ", ".join(_microseconds(schedule, cycle) for cycle, _ in changes)
+            times = ", ".join(_microseconds(clock, cycle) for cycle, _ in changes)
             values = ", ".join(str(level) for _, level in changes)
             blocks.append(f'[[level]]\npin = "{pin}"\nat_us = [{times}]\nlevel = [{values}]\n')
         if self.reset is not None:
-            low, high = (_microseconds(schedule, cycle) for cycle in (self.reset, self.reset + 1))
+            low, high = (_microseconds(clock, cycle) for cycle in (self.reset, self.reset + 1))
             blocks.append(f"[[reset]]\npressed_us = {low}\nreleased_us = {high}\n")
         return "\n".join(blocks)
 
@@ -81,8 +82,8 @@ class Counterexample:
         return options
 
 
-def _microseconds(schedule: PulseSchedule, cycle: int) -> str:
-    number = schedule.clock.us(cycle)
+def _microseconds(clock: Clock, cycle: int) -> str:
+    number = clock.us(cycle)
     return str(int(number)) if number == int(number) else repr(float(number))
 
 
@@ -102,7 +103,7 @@ def concrete(case: Case, nodes: Sequence[Node], finding: SearchFinding) -> Count
     """Return a run of one chip along the way of `finding`, or like it, that is wrong."""
     # The search knows only some bits of the chip. Those that it chose are set; what it left open is tried
     # with several values, and a plain run of the simulator decides whether an edge is wrong.
-    path = _path_to(nodes, finding)
+    path = path_to(nodes, finding)
     end = path.end + (START_FRAMES if finding.silent else 2) * case.spec.period + path.waits * LONGEST_SLEEP
     board = replace(case.board, tmr0_phase=path.tmr0_phase)
     for trial in trials(board, case.quantifiers, path.start, case.spec.period):
@@ -190,7 +191,7 @@ class _Path:
         self.start[name] = self.start.get(name, 0) | choice.value >> shift & fresh
 
 
-def _path_to(nodes: Sequence[Node], finding: SearchFinding) -> _Path:
+def path_to(nodes: Sequence[Node], finding: SearchFinding) -> _Path:
     """Return what was chosen from reset on."""
     ancestry = [finding.node]
     while nodes[ancestry[-1]].parent >= 0:

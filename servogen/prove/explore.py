@@ -176,6 +176,7 @@ class Explorer:
         raw = (ram, rest)
         if parent >= 0:  # a start is not at a cut, and is as general as the quantifiers make it
             ram, rest = self._generaliser.generalised(ram, rest)
+            spec = self._spec.generalised(spec)
         key = (ram, rest, spec)
         if key not in self._known:
             self._known[key] = len(self._nodes)

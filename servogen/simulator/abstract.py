@@ -21,6 +21,7 @@ import numpy.typing as npt
 from servogen.edges import HIGH, PINS
 from servogen.pic.device import EEPROM_BYTES, RAM_FIRST, RAM_LAST
 from servogen.pic.image import Image
+from servogen.pic.isa import decode
 from servogen.simulator import layout as at
 from servogen.simulator.core import loop
 from servogen.simulator.layout import EEIE, PD, PS, PSA, RA4, RB0, RB4_TO_7, TO
@@ -187,6 +188,7 @@ class AbstractChip:
         any_watchdog: bool = True,
         write_us: int | None = None,
         any_eeprom: bool = False,
+        of_no_interest: int = 0,
     ) -> None:
         """Prepare to run `image`.
 
@@ -195,10 +197,12 @@ class AbstractChip:
         `any_watchdog`, the watchdog's period is anywhere in its range instead of that of `options`.
         `write_us` is the maximum time of an EEPROM write, which may end in any cycle; None: exactly the time
         of `options`. With `any_eeprom`, what is read from the EEPROM is unknown.
+        The pins `of_no_interest`, as bits, may be driven to levels that differ from chip to chip.
         """
         self.image = image
         self.clock = clock
         self._given = options.start
+        self._of_no_interest = of_no_interest
         self.any_write_time = write_us is not None
         if write_us is not None:
             options = replace(options, eeprom_write_us=write_us)
@@ -602,7 +606,7 @@ class AbstractChip:
         s = self._s
         warnings: list[str] = []
         if (s[at.WARN_COUNT] or s[at.DRIVEN_UNKNOWN]) and noted(s):
-            every = warnings_of(s, self.image, self.clock)
+            every = warnings_of(s, self.image, self.clock, self._of_no_interest)
             warnings += [
                 warning.message
                 for warning in every
@@ -620,9 +624,25 @@ class AbstractChip:
         ram = s[_RAM]
         read = np.flatnonzero(s[at.READ_UNWRITTEN + RAM_FIRST : at.READ_UNWRITTEN + RAM_LAST + 1])
         written = np.flatnonzero(ram & at.NOT_WRITTEN == 0)
+        deciding = self._operand(use) if use is not None else None
+        if deciding is not None and deciding not in written:
+            read = np.union1d(read, [deciding])
         state = self._canonical()
         pairs = tuple((int(place), state.ram[place]) for place in written)
         return RunOutcome(reason, cycles, edges, tuple(read.tolist()), pairs, state.rest, use, warnings)
+
+    def _operand(self, use: Use) -> int | None:
+        """Return the place in the RAM that the instruction of a use reads; None if it reads another one.
+
+        The run has ended before it, so it is not among what the run has read; with another value there the
+        run would go on.
+        """
+        word = self.image.program.get(use.address)
+        decoded = None if word is None else decode(word)
+        if decoded is None or "f" not in decoded.instruction.operands:
+            return None
+        address = (int(self._s[at.FSR]) if decoded.f == 0 else decoded.f) & 0x7F
+        return address - RAM_FIRST if RAM_FIRST <= address <= RAM_LAST else None
 
     def _changes(self) -> tuple[tuple[int, int, int], ...]:
         count = int(self._s[at.EDGE_COUNT])
@@ -650,8 +670,9 @@ class AbstractChip:
             s[slot] = int(s[slot]) + shift if s[at.WDT_PERIOD] else BASE
         s[at.T0_FLAGGED] = BASE if s[at.T0_FLAGGED] == now and not s[at.TMR0_UNKNOWN] else -1
         s[at.EE_STEP_AT] = max(int(s[at.EE_STEP_AT]) + shift, BASE - 3) if s[at.EE_STEP] else 0
+        doubtful = int(s[at.DRIVEN_UNKNOWN]) & ~self._of_no_interest
         for pin, slot in enumerate(_DRIVEN_FROM):
-            s[slot] = int(s[slot]) + shift if s[at.DRIVEN_UNKNOWN] >> pin & 1 else 0
+            s[slot] = int(s[slot]) + shift if doubtful >> pin & 1 else 0
         s[at.CYCLE] = BASE
         self._doubt_flags()
         for value, mask, bits, free in _UNCERTAIN:

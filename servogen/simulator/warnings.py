@@ -98,10 +98,17 @@ _USES = {
 _SOURCES = {row.source: row.source_name for row in at.ROWS if row.source} | {at.SOURCE_PHASE: "TMR0"}
 
 
-def warnings_of(s: npt.NDArray[np.int64], image: Image, clock: Clock) -> tuple[Diagnostic, ...]:
-    """Return the warnings in a state vector; pins affected by the same instruction share one warning."""
+def warnings_of(
+    s: npt.NDArray[np.int64], image: Image, clock: Clock, of_no_interest: int = 0
+) -> tuple[Diagnostic, ...]:
+    """Return the warnings in a state vector; pins affected by the same instruction share one warning.
+
+    The level of the pins `of_no_interest`, as bits, may be anything.
+    """
     places: dict[tuple[int, int, int, int], list[str]] = {}
     for code, subject, cycle, place in noted(s):
+        if code == at.WARN_DRIVEN_UNWRITTEN and of_no_interest >> subject & 1:
+            continue
         if code in _OF_PINS:
             places.setdefault((code, cycle, place, 0), []).append(PINS[subject])
         else:

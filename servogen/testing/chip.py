@@ -42,11 +42,12 @@ from servogen.pic.isa import decode
 from servogen.pic.listing import Listing
 from servogen.simulator import BouncingButton, LevelChange, Levels, Serial, SimulatorOptions, Stimuli
 from servogen.simulator.layout import MCLR_PIN
+from servogen.simulator.pin_levels import at_the_pins
 from servogen.simulator.sources import whole
 from servogen.simulator.stimulus import file_inputs
 from servogen.testing.signals import Signals, pin_index
 from servogen.testing.targets import SeenPins
-from servogen.testing.waves import at_the_pins, wave_lines
+from servogen.testing.waves import wave_lines
 from servogen.units import Clock, Cycles
 from servogen.verify.measurement import time_words
 
@@ -365,12 +366,16 @@ class Chip(Signals):
     def pieces(self) -> Sequence[EdgeTrace]:
         return (EdgeTrace(self.clock, (self._driven(),), Cycles(self.cycle)),)
 
+    def levels(self) -> Sequence[EdgeTrace]:
+        chunk = at_the_pins(self._driven(), self._inputs())
+        return (EdgeTrace(self.clock, (chunk,), Cycles(self.cycle)),)
+
     def chip_clock(self) -> Clock:
         return self.clock
 
     def report(self) -> list[str]:
         """Return the waves, the last edges with the lines that made them, and the line that runs."""
-        lines = wave_lines(at_the_pins(self._driven(), self._inputs()), self.cycle, self.clock)
+        lines = wave_lines(join(self.levels()[0].chunks), self.cycle, self.clock)
         lines += self._last_edges()
         where = f"{self.board.name} at {self._now_words}"
         asleep = " (asleep)" if self.asleep else ""

@@ -30,6 +30,7 @@ from servogen.errors import InputError
 from servogen.pic.image import Image
 from servogen.simulator import Periodic, Serial, Stimuli
 from servogen.simulator.layout import MCLR_PIN
+from servogen.simulator.pin_levels import at_the_pins
 from servogen.testing.chip import (
     Chip,
     Keypad,
@@ -50,7 +51,7 @@ from servogen.testing.targets import (
     SeenPins,
     uses_eeprom,
 )
-from servogen.testing.waves import at_the_pins, wave_lines
+from servogen.testing.waves import wave_lines
 from servogen.units import Clock
 from servogen.verify.measurement import time_words
 
@@ -324,6 +325,10 @@ class SeenChip(Signals):
     def pieces(self) -> Sequence[EdgeTrace]:
         self._flush()
         return tuple(seen.trace for seen in self.seen[self._first :])
+
+    @property
+    def from_reset(self) -> bool:
+        return False
 
     def chip_clock(self) -> Clock:
         return self.clock

@@ -13,10 +13,12 @@ from fractions import Fraction
 from functools import partial
 from itertools import islice, pairwise, takewhile
 from operator import ge
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from servogen.contract import judge_contract, load_contract, parse_contract
 from servogen.edges import HIGH, LOW, PINS, UNDRIVEN, EdgeTrace, join
 from servogen.errors import InputError, did_you_mean
 from servogen.pulses import Pulses, pulses
@@ -60,6 +62,29 @@ class Signals(ABC):
     def seen_pin(self, name: str) -> int:
         """Return the index in `PINS` of a pin that was looked at. Raises InputError."""
         return pin_index(name)
+
+    def levels(self) -> Sequence[EdgeTrace]:
+        """Return the levels at the pins, with those that came from outside as far as they are known."""
+        return self.pieces()
+
+    @property
+    def from_reset(self) -> bool:
+        """Return whether the first piece begins with the chip's reset."""
+        return True
+
+    def check_contract(self, contract: str | Path, *, partial: bool = False) -> None:
+        """Fail unless a contract was kept: a TOML file, or its text. See docs/contracts.md.
+
+        A clause of which nothing was seen fails, too, unless `partial`.
+        """
+        is_text = isinstance(contract, str) and "\n" in contract
+        read = parse_contract(contract, "the contract") if is_text else load_contract(contract)  # type: ignore[arg-type]
+        clauses = read.clauses(self.chip_clock())
+        for number, piece in enumerate(self.levels()):
+            begins = self.from_reset and number == 0
+            verdict = judge_contract(clauses, piece, from_reset=begins, capture=not self.from_reset)
+            if not verdict.accepted(partial):
+                raise AssertionError("\n".join(verdict.lines()))
 
     def rising(self, pin: str, *, since_us: float = 0) -> list[int]:
         """Return the cycle of each rising edge."""

@@ -135,6 +135,10 @@ class PinCapture(Signals):
             return (self.seen.trace,)
         return tuple(split(self.seen.trace, capture.pieces))
 
+    @property
+    def from_reset(self) -> bool:
+        return self.seen.capture is None
+
     def chip_clock(self) -> Clock:
         return self.clock
 

@@ -13,8 +13,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from servogen.edges import UNDRIVEN, EdgeChunk, edge_chunk
-from servogen.simulator import LevelChange
+from servogen.edges import UNDRIVEN, EdgeChunk
 from servogen.simulator.sources import STIMULUS_PINS
 from servogen.units import Clock
 from servogen.verify.measurement import time_words
@@ -25,24 +24,6 @@ EDGES = 40
 SIGNS = "▁▔·"
 WORDS = dict(zip(SIGNS, ("low throughout", "high throughout", "not driven"), strict=True))
 SEVERAL = "▒"
-
-
-def at_the_pins(driven: EdgeChunk, outside: Iterable[LevelChange]) -> EdgeChunk:
-    """Return the levels at the pins: what the chip drives or, at its inputs, what drives those."""
-    rows = [
-        *((cycle, 1, pin, level) for cycle, pin, level in _rows(driven)),
-        *((change.cycle, 0, change.pin, change.level) for change in outside),
-    ]
-    chip, world = ([UNDRIVEN] * len(STIMULUS_PINS) for _ in range(2))
-    seen = [UNDRIVEN] * len(STIMULUS_PINS)
-    changes = []
-    for cycle, by_chip, pin, level in sorted(rows, key=lambda row: row[:2]):
-        (chip if by_chip else world)[pin] = level
-        now = world[pin] if chip[pin] == UNDRIVEN else chip[pin]
-        if now != seen[pin]:
-            seen[pin] = now
-            changes.append((cycle, pin, now))
-    return edge_chunk(*zip(*changes, strict=True)) if changes else edge_chunk((), (), ())
 
 
 def wave_lines(levels: EdgeChunk, end: int, clock: Clock) -> list[str]:

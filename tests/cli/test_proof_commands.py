@@ -125,7 +125,7 @@ def test_a_counterexample_has_the_command_that_shows_it_two_frames_long() -> Non
         lines = [head, f"  servogen simulate {command}"]
         assert proof_commands._lines(proof(False, shown), None, FILE, request(), SCHEDULE) == lines
         found = proof_commands._counterexample_to_json(shown, FILE, request(), SCHEDULE)
-        stimulus = shown.stimulus(SCHEDULE) or None
+        stimulus = shown.stimulus(SCHEDULE.clock) or None
         assert found == {
             "message": "RB0 rises",
             "cycle": 12_345,

@@ -15,7 +15,7 @@ from servogen.verify import verify
 def is_wrong(image: Image, schedule: PulseSchedule, found: Counterexample) -> bool:
     """Return whether a plain run, as the stimulus file and the options say, differs from the schedule."""
     clock = Clock(found.clock_hz or schedule.clock.hz)
-    text = found.stimulus(schedule)
+    text = found.stimulus(schedule.clock)
     stimuli = parse_stimuli(text, "found.toml", clock) if text else None
     machine = Machine(image, clock, found.options, stimuli)
     chunk = join(machine.stream(found.cycle + 2 * schedule.period))

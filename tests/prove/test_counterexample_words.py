@@ -28,10 +28,10 @@ from servogen.prove.counterexample import (
     Case,
     Counterexample,
     _judge,
-    _path_to,
     _requesting,
     concrete,
     levels_of,
+    path_to,
     pin_changes,
     slow_oscillator,
 )
@@ -79,7 +79,7 @@ def example(**changes: Any) -> Counterexample:
 
 
 def test_a_plain_chip_needs_no_options() -> None:
-    assert example().arguments() == [] and example().stimulus(SCHEDULE) == ""
+    assert example().arguments() == [] and example().stimulus(SCHEDULE.clock) == ""
 
 
 def test_every_option_that_is_another_one_is_printed() -> None:
@@ -103,18 +103,20 @@ def test_every_option_that_is_another_one_is_printed() -> None:
 
 def test_the_stimulus_states_levels_and_a_reset_in_microseconds() -> None:
     found = example(levels=(("RA4", ((0, 1), (5, 0))), ("RB1", ((0, 0),))), reset=9)
-    assert found.stimulus(SCHEDULE) == (
+    assert found.stimulus(SCHEDULE.clock) == (
         '[[level]]\npin = "RA4"\nat_us = [0, 5]\nlevel = [1, 0]\n\n'
         '[[level]]\npin = "RB1"\nat_us = [0]\nlevel = [0]\n\n'
         "[[reset]]\npressed_us = 9\nreleased_us = 10\n"
     )
     # At 20 MHz a cycle is 0.2 µs.
     fast = replace(SCHEDULE, clock=Clock(20_000_000))
-    assert "at_us = [0, 0.2, 1]\n" in example(levels=(("RA4", ((0, 1), (1, 0), (5, 1))),)).stimulus(fast)
+    assert "at_us = [0, 0.2, 1]\n" in example(levels=(("RA4", ((0, 1), (1, 0), (5, 1))),)).stimulus(
+        fast.clock
+    )
     # The file is read as the cycles that it was written from.
     for schedule in (SCHEDULE, fast):
         changes = ((0, 1), (7, 0), (8, 1), (12345, 0))
-        text = example(levels=(("RB1", changes),)).stimulus(schedule)
+        text = example(levels=(("RB1", changes),)).stimulus(schedule.clock)
         assert parse_stimuli(text, "x.toml", schedule.clock)
 
 
@@ -157,7 +159,7 @@ def test_the_choices_of_a_way_are_those_of_its_nodes_and_count_from_reset() -> N
         (3, (AssumedBits("INTCON_LATE", 2, 2), AssumedBits("WATCHDOG", 0, 0))),
         (4, (AssumedBits("INTCON", 3, 0), pin(RB1, 0))),
     )
-    path = _path_to(nodes, last)
+    path = path_to(nodes, last)
     assert path.samples == [(10, RA4, 1), (120, RA4, 0), (154, RB1, 0)]
     # A flag in the second cycle of an instruction comes a cycle later; without a flag nothing comes.
     assert path.requests == [(120, 1), (154, 2)]
@@ -171,9 +173,9 @@ def test_the_first_choice_of_a_bit_is_its_value_at_power_up() -> None:
     ]
     chosen = finding(1, 1, (0, (AssumedBits("0x0C", 0x80, 0x80), AssumedBits("0x0C", 0x81, 0x01))))
     # 5 in the lower half; of the second choice only the upper half is new.
-    assert _path_to(nodes, chosen).start == {"w": 0xA5, "0x0C": 0x81}
-    assert _path_to([node(-1, 0)], finding(0, 1, (0, (AssumedBits("TMR0", 255, 5),)))).start == {}
-    assert _path_to([node(-1, 0)], finding(0, 1, (0, (AssumedBits("EE_DONE", 0, 1),)))).start == {}
+    assert path_to(nodes, chosen).start == {"w": 0xA5, "0x0C": 0x81}
+    assert path_to([node(-1, 0)], finding(0, 1, (0, (AssumedBits("TMR0", 255, 5),)))).start == {}
+    assert path_to([node(-1, 0)], finding(0, 1, (0, (AssumedBits("EE_DONE", 0, 1),)))).start == {}
 
 
 def case(**changes: Any) -> Case:

@@ -93,7 +93,7 @@ def test_a_fault_that_needs_a_press_at_the_right_time_is_found(
 
 def edges(image: Image, schedule: PulseSchedule, found: Counterexample) -> list[tuple[int, ...]]:
     """Return the edges of an image with a counterexample's stimulus, from the first rise on."""
-    stimuli = parse_stimuli(found.stimulus(schedule), "found.toml", schedule.clock)
+    stimuli = parse_stimuli(found.stimulus(schedule.clock), "found.toml", schedule.clock)
     machine = Machine(image, schedule.clock, found.options, stimuli)
     return driven(machine.run(found.cycle + schedule.period))
 

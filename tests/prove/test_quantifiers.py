@@ -168,7 +168,7 @@ def test_after_a_reset_only_bytes_that_are_never_written_are_what_they_were() ->
     found = prove_for_all(later.image, later.schedule, known).counterexample
     assert found is not None
     assert found.reset is not None
-    assert "[[reset]]" in found.stimulus(later.schedule)
+    assert "[[reset]]" in found.stimulus(later.schedule.clock)
     assert is_wrong(later.image, later.schedule, found)
 
 

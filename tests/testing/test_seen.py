@@ -19,11 +19,12 @@ from servogen.errors import InputError
 from servogen.pic.image import Image
 from servogen.simulator import LevelChange, Levels, Periodic, Serial, Stimuli
 from servogen.simulator.layout import MCLR_PIN
+from servogen.simulator.pin_levels import at_the_pins
 from servogen.testing import seen_chip
 from servogen.testing.seen_chip import BenchPlayer, ReplayPlayer, SeenChip, stimulus_inputs
 from servogen.testing.signals import Signals
 from servogen.testing.targets import BenchRun, BenchStart, PinCapture, SeenPins, captured
-from servogen.testing.waves import at_the_pins, wave_lines
+from servogen.testing.waves import wave_lines
 from servogen.traces.captures import capture_writer
 from servogen.units import Clock, Cycles
 from tests.edges.rows import Row, chunk

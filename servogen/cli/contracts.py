@@ -1,0 +1,179 @@
+"""`verify --contract`, `prove --contract`: what a run or a recording shows of a contract, what is proven."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from servogen.cli.files import keep_apart, read_program
+from servogen.cli.options import ChipOptions
+from servogen.cli.show import as_json, status
+from servogen.contract import ContractVerdict, load_contract
+from servogen.errors import InputError, Location
+from servogen.outputs import write_text
+from servogen.programs import chip_of
+from servogen.prove.contract import MAX_STATES, ContractProof, prove_contract
+from servogen.prove.counterexample import Counterexample
+from servogen.prove.quantifiers import Quantifiers
+from servogen.simulator import SimulatorOptions, load_stimuli
+from servogen.units import Clock, counted
+from servogen.workflows.contracts import contract_clock, judge_program, judge_recording
+from servogen.workflows.signals import is_program, refuse_chip_options
+
+EXTRA_CYCLES = 1000
+"""Cycles that a counterexample is shown beyond its breach."""
+
+
+@dataclass(frozen=True, slots=True)
+class ContractRequest:
+    """What was typed."""
+
+    file: Path
+    contract: Path
+    chip: ChipOptions
+    seconds: float | None
+    stimulus: Path | None
+    clock_hz: int | None
+    wires: Mapping[str, str] | None
+    device: str | None
+    partial: bool
+    json: bool
+
+
+def verify_contract(request: ContractRequest) -> int:
+    """Judge, print, and return the exit code."""
+    contract = load_contract(request.contract)
+    with status("judging every edge"):
+        verdict = _judged_program(request) if is_program(request.file) else _judged_recording(request)
+    if request.json:
+        as_json({"file": str(request.file), "contract": contract.document.file} | verdict.to_json())
+    else:
+        print("\n".join(verdict.lines()))
+    return 0 if verdict.accepted(request.partial) else 1
+
+
+def _judged_program(request: ContractRequest) -> ContractVerdict:
+    contract = load_contract(request.contract)
+    program = read_program(request.file, request.device)
+    board = request.chip.on(chip_of(program, request.device))
+    clock = contract_clock(contract, program, request.clock_hz)
+    stimulus = load_stimuli(request.stimulus, clock) if request.stimulus else None
+    return judge_program(contract, program, clock, request.seconds, board, stimulus)
+
+
+def _judged_recording(request: ContractRequest) -> ContractVerdict:
+    if request.device is not None or request.chip.given:
+        refuse_chip_options(request.file)
+    for key, given in (("--stimulus", request.stimulus), ("--seconds", request.seconds)):
+        if given is not None:
+            raise InputError(
+                "conflicting-options",
+                "a recording holds what was, from its beginning to its end",
+                Location(str(request.file), key=key),
+                f"omit {key}",
+            )
+    contract = load_contract(request.contract)
+    clock = contract_clock(contract, None, request.clock_hz)
+    return judge_recording(contract, request.file, clock, request.wires)
+
+
+@dataclass(frozen=True, slots=True)
+class ContractProofRequest:
+    """What was typed."""
+
+    file: Path
+    contract: Path
+    counterexample: Path
+    over: Quantifiers
+    clock_hz: int | None
+    device: str | None
+    max_states: int | None
+    accept_one_engine: bool
+    json: bool
+
+
+def prove_contract_of(request: ContractProofRequest) -> int:
+    """Prove, print, write the inputs of a counterexample, and return the exit code.
+
+    The checker of certificates knows schedules only, so a proof is that of one engine.
+    """
+    keep_apart([request.file, request.contract], request.counterexample)
+    contract = load_contract(request.contract)
+    program = read_program(request.file, request.device)
+    board = SimulatorOptions(device=chip_of(program, request.device))
+    clock = contract_clock(contract, program, request.clock_hz)
+    with status("following every path") as tell:
+        proof = prove_contract(
+            program.image,
+            contract.clauses(clock),
+            clock,
+            request.over,
+            board,
+            lambda explored, known: tell(f"{explored} of {known} states"),
+            request.max_states or MAX_STATES,
+        )
+    shown = proof.counterexample
+    if shown is not None and shown.stimulus(clock):
+        write_text(request.counterexample, shown.stimulus(clock))
+    if request.json:
+        as_json(_proof_json(proof, request, clock))
+    else:
+        print("\n".join(_proof_lines(proof, request, clock)))
+    return 0 if proof.proven and request.accept_one_engine else 1
+
+
+ONE_ENGINE = "proven by one engine: the checker does not cover contracts"
+
+
+def _proof_lines(proof: ContractProof, request: ContractProofRequest, clock: Clock) -> list[str]:
+    size = (
+        f"  {counted(proof.states, 'state')}, {counted(proof.runs, 'run')}, {proof.cycles} cycles simulated"
+    )
+    shown = proof.counterexample
+    if shown is not None:
+        return [
+            f"counterexample: {shown.message}, cycle {shown.cycle} from power-on",
+            f"  {_replay(shown, request, clock)}",
+        ]
+    if not proof.proven:
+        return [f"not decided: {proof.reason}", size]
+    return [
+        ONE_ENGINE,
+        "  for every power-up, input and chip: every clause is kept",
+        size,
+        "  assumed:",
+        *(f"    {assumption}" for assumption in proof.assumptions),
+    ]
+
+
+def _replay(shown: Counterexample, request: ContractProofRequest, clock: Clock) -> str:
+    """Return the command that shows a counterexample."""
+    stimulus = ["--stimulus", str(request.counterexample)] if shown.stimulus(clock) else []
+    seconds = float(clock.seconds(shown.cycle + EXTRA_CYCLES))
+    words = ["servogen", "verify", str(request.file), "--contract", str(request.contract), *stimulus]
+    span = ["--clock-hz", str(clock.hz), "--seconds", f"{seconds:g}"]
+    return shlex.join([*words, *shown.arguments(), *span])
+
+
+def _proof_json(proof: ContractProof, request: ContractProofRequest, clock: Clock) -> dict[str, object]:
+    shown = proof.counterexample
+    return {
+        "file": str(request.file),
+        "contract": str(request.contract),
+        "proven": proof.proven,
+        "checked": False,
+        "reason": proof.reason or (ONE_ENGINE if proof.proven else ""),
+        "counterexample": shown
+        and {
+            "message": shown.message,
+            "cycle": shown.cycle,
+            "command": _replay(shown, request, clock),
+            "stimulus": shown.stimulus(clock) or None,
+        },
+        "states": proof.states,
+        "runs": proof.runs,
+        "simulated_cycles": proof.cycles,
+        "assumptions": list(proof.assumptions),
+    }

@@ -1,0 +1,155 @@
+"""Contracts proven for every input and power-up: bounds that are exact to the cycle, and what breaks them.
+
+The latencies are counted by hand from the instructions: BTFSC takes 1 cycle, or 2 where it skips; GOTO 2.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from servogen.contract import judge_contract, parse_contract
+from servogen.edges import PINS
+from servogen.pic.assembler import assemble
+from servogen.pic.image import Image
+from servogen.prove.contract import ContractProof, prove_contract
+from servogen.prove.quantifiers import Quantifiers
+from servogen.simulator import Levels, Stimuli
+from servogen.units import Clock, Cycles
+from servogen.workflows.contracts import pin_trace
+
+CLOCK = Clock(4_000_000)
+HEADER = """
+        list p=16f84
+        include <p16f84.inc>
+        __config _XT_OSC & _WDT_OFF & _PWRTE_ON & _CP_OFF
+"""
+
+
+def image(body: str) -> Image:
+    return assemble(HEADER + body + "\n        end\n", "test.asm").image
+
+
+def proof(program: Image, contract: str, over: Quantifiers = Quantifiers()) -> ContractProof:  # noqa: B008
+    return prove_contract(program, parse_contract(contract, "c.toml").clauses(CLOCK), CLOCK, over)
+
+
+def replayed(program: Image, contract: str, found: ContractProof) -> str:
+    """What one run of the plain simulator shows with the counterexample's inputs."""
+    shown = found.counterexample
+    assert shown is not None
+    levels = [Levels(PINS.index(pin), changes) for pin, changes in shown.levels]
+    cycles = Cycles(shown.cycle + 100)
+    trace = pin_trace(program, CLOCK, cycles, shown.options, Stimuli(levels) if levels else None)
+    verdict = judge_contract(parse_contract(contract, "c.toml").clauses(CLOCK), trace, from_reset=True)
+    return next(verdict.lines())
+
+
+ANSWER = """
+        bsf     STATUS, RP0
+        movlw   0xEF
+        movwf   TRISB
+        bcf     STATUS, RP0
+        bcf     PORTB, 4
+poll    btfsc   PORTB, 0
+        goto    poll
+        {delay}
+        bsf     PORTB, 4
+held    btfss   PORTB, 0
+        goto    held
+        bcf     PORTB, 4
+        goto    poll
+"""
+"""BSF comes 2 cycles after the read that sees RB0 low: the least answer is to a fall in that read's own
+cycle. The reads of RB0 lie 3 cycles apart, and 5 from the last of `held` to the first of `poll`: the latest
+answer is to a fall in the cycle after that one, 4 + 2 cycles."""
+
+
+def answer(least: int, most: int) -> str:
+    return f'[[response]]\nwhen = "RB0 falls"\nthen = "RB4 rises"\nwithin_us = [{least}, {most}]\n'
+
+
+def test_a_latency_is_proven_to_the_cycle() -> None:
+    program = image(ANSWER.format(delay=""))
+    found = proof(program, answer(2, 6))
+    assert found.proven, found.reason
+    assert any("RB0 keeps each level until it was read" in each for each in found.assumptions)
+
+
+@pytest.mark.parametrize(
+    ("least", "most", "delay"),
+    [(2, 5, ""), (3, 6, ""), (2, 6, "nop")],
+    ids=["one cycle less", "one cycle more", "one instruction more"],
+)
+def test_one_cycle_beside_it_is_a_run_that_can_be_repeated(least: int, most: int, delay: str) -> None:
+    program = image(ANSWER.format(delay=delay))
+    found = proof(program, answer(least, most), Quantifiers(resets=False))
+    assert not found.proven
+    assert replayed(program, answer(least, most), found).startswith("violated")
+
+
+BRIDGE = """
+        bsf     STATUS, RP0
+        clrf    TRISB
+        bcf     STATUS, RP0
+        clrf    PORTB
+loop    movlw   {first}
+        btfsc   PORTA, 0
+        movlw   {second}
+        movwf   PORTB
+        {between}
+        goto    loop
+"""
+NEVER = '[[never]]\ncondition = "RB1 high and RB2 high"\n'
+
+
+def test_a_bridge_that_an_input_shorts_is_found_and_one_that_it_cannot_is_proven() -> None:
+    assert proof(image(BRIDGE.format(first=2, second=4, between="")), NEVER).proven
+    shorted = image(BRIDGE.format(first=2, second=6, between=""))
+    found = proof(shorted, NEVER)
+    assert found.counterexample is not None and "RB1 high and RB2 high" in found.counterexample.message
+
+
+WAVE = """
+        bsf     STATUS, RP0
+        clrf    TRISB
+        bcf     STATUS, RP0
+        clrf    PORTB
+loop    bsf     PORTB, 3
+        movlw   .{turns}
+        movwf   0x20
+up      decfsz  0x20, f
+        goto    up
+        bcf     PORTB, 3
+        movlw   .100
+        movwf   0x20
+down    decfsz  0x20, f
+        goto    down
+        goto    loop
+"""
+"""High: 1 + 1 + 3 * turns - 1 + 1 cycles; low: 1 + 1 + 3 * 100 - 1 + 2 + 1."""
+PULSE = '[[pulse]]\npin = "RB3"\nhigh_us = [32, 32]\nperiod_us = [336, 336]\n'
+
+
+def test_a_wave_is_proven_and_one_turn_more_is_not() -> None:
+    assert proof(image(WAVE.format(turns=10)), PULSE).proven
+    found = proof(image(WAVE.format(turns=11)), PULSE)
+    assert found.counterexample is not None
+    assert "is high for more than 32 cycles" in found.counterexample.message
+
+
+def test_what_no_read_tells_is_not_decided() -> None:
+    program = image(ANSWER.format(delay=""))
+    pattern = '[[response]]\nwhen = ["RB0 falls", "RB0 rises"]\nthen = "RB4 rises"\nwithin_us = [0, 9]\n'
+    never = '[[never]]\ncondition = "RB0 low and RB4 low"\nlonger_us = 100\n'
+    for contract, why in ((pattern, "a pattern of several events"), (never, "a clause about RB0")):
+        found = proof(program, contract)
+        assert not found.proven and found.counterexample is None and why in found.reason
+
+
+def test_a_program_that_depends_on_its_ram_is_shown_with_the_power_up() -> None:
+    """A byte of 0 counts 256 turns, as in a plain run: about 770 cycles; one of 5 counts 5."""
+    program = image(WAVE.replace("movlw   .{turns}\n        movwf   0x20\n", ""))
+    contract = '[[pulse]]\npin = "RB3"\nhigh_us = [700, 800]\n'
+    found = proof(program, contract, Quantifiers(resets=False))
+    assert found.counterexample is not None
+    assert found.counterexample.options.start != ()
