@@ -46,13 +46,13 @@ class Compile(BuildHookInterface):  # type: ignore[misc]
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         sys.path.insert(0, self.root)  # the headers are made from tables of the package
-        from servogen.simulator.core import CORE
+        from servogen.native import parts
 
         if self.target_name == "sdist":
             return
         system = re.sub(r"[-. ]", "_", sysconfig.get_platform())
         build_data |= {"pure_python": False, "tag": f"py3-none-{system}"}
-        for part in (CORE,):
+        for part in parts():
             if version == "editable":
                 part.refresh()
             else:

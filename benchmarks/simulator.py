@@ -19,7 +19,7 @@ from pathlib import Path
 
 from servogen.pic.assembler import assemble
 from servogen.pic.image import to_hex
-from servogen.simulator.core import CORE
+from servogen.simulator.core import NATIVE
 
 ROUNDS = 3
 CYCLES_PER_SECOND = 1_000_000  # 4 MHz
@@ -259,7 +259,7 @@ def missed(met: bool) -> str:
 def compilation() -> float:
     """Seconds in which an installation compiles the instruction loop."""
     with tempfile.TemporaryDirectory() as name:
-        return best_of(lambda: CORE.compile(Path(name, "core.so")), 1)
+        return best_of(lambda: NATIVE.compile(Path(name, "libcore.so")), 1)
 
 
 def a_day() -> float:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import ctypes
 import hashlib
 import os
+import runpy
 import shlex
 import subprocess
 import tempfile
@@ -20,7 +21,18 @@ from pathlib import Path
 
 from servogen.errors import ToolError
 
-FLAGS = ("-std=c11", "-O3", "-Wall", "-Wextra", "-Werror=implicit", "-fPIC", "-shared")
+FLAGS = (
+    "-std=c11",
+    "-O3",
+    "-Wall",
+    "-Wextra",
+    "-Werror=implicit",
+    "-fvisibility=protected",
+    "-fPIC",
+    "-shared",
+)
+PARTS = ("simulator/core/__init__.py", "checker/layout.py")
+"""The modules that define a part, as NATIVE."""
 SMALL = 1 << 31
 """Numbers below are constants of an enum, whose type is int; larger ones are variables of 64 bits."""
 
@@ -36,8 +48,8 @@ class Native:
 
     @property
     def library(self) -> Path:
-        """Return the path of the compiled library."""
-        return self.folder / f"{self.name}.so"
+        """Return the path of the compiled library; without `lib` it could be a module of Python."""
+        return self.folder / f"lib{self.name}.so"
 
     def digest(self) -> str:
         """Return a digest of everything that the library is made from."""
@@ -89,6 +101,15 @@ class Native:
             return self.digest().encode() in self.library.read_bytes()
         except OSError:
             return False
+
+
+def parts() -> list[Native]:
+    """Return every part in C.
+
+    Their modules are run without the packages around them, which need NumPy: an installation has only the
+    standard library.
+    """
+    return [runpy.run_path(str(Path(__file__).parent / path))["NATIVE"] for path in PARTS]
 
 
 def struct(name: str, fields: Mapping[str, int]) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from servogen.compiler.options import VERIFY_IR
-from servogen.simulator.core import CORE
+from servogen.native import parts
 
 os.environ[VERIFY_IR] = "1"  # the compiler checks its intermediate form after every pass
 
@@ -35,4 +35,5 @@ def _the_cache_is_of_this_session(tmp_path_factory: pytest.TempPathFactory) -> I
 @pytest.fixture(scope="session", autouse=True)
 def _the_parts_in_c_are_compiled() -> None:
     """After a change of their sources every command would ask for a new installation."""
-    CORE.refresh()
+    for part in parts():
+        part.refresh()

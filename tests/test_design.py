@@ -292,7 +292,7 @@ def test_a_forbidden_import_is_seen(tmp_path: Path) -> None:
 
 
 TABLES_OF_MNEMONICS = {
-    "checker/chip.py": "what instructions compute: the checker shares it with nobody",
+    "checker/layout.py": "the operations of the checker's chip, which it shares with nobody",
     "compiler/codegen/runtime.py": "writes a line low or high",
     "compiler/passes/branch_simplify.py": "DECF and INCF beside the skips that count like them",
     "compiler/passes/jump_threading.py": "each bit test beside its opposite",

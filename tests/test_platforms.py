@@ -18,7 +18,7 @@ PAGE = (ROOT / "docs" / "platforms.md").read_text("utf-8")
 WINDOWS = """
 import os, sys, json, pathlib, tempfile, subprocess, shutil, ctypes, asyncio, signal, selectors, logging
 import importlib.resources, importlib.metadata, concurrent.futures, multiprocessing
-import numpy, pydantic, typer, rich.console, jinja2, llvmlite.binding, serial.tools.list_ports, pcpp, intelhex
+import numpy, pydantic, typer, rich.console, jinja2, serial.tools.list_ports, pcpp, intelhex
 for name in ("fcntl", "pty", "resource", "termios", "tty", "pwd", "grp"):
     sys.modules[name] = None
 for name in ("SIGHUP", "SIGKILL"):

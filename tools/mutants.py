@@ -70,17 +70,12 @@ NOT_RUN = 99
 NO_TESTS = 5
 """What pytest ends with if no test is left: a mutant may take away the cases that a test finds."""
 
-TESTED_IN = {
-    "simulator": ("simulator/", "pic/"),
-    "pic": ("simulator/", "pic/"),
-    "checker": ("checker/",),
-    "isolation": ("test_isolation.py",),
-}
-"""The tests of what coverage.py does not see: numba's code, and processes that may write no file."""
+TESTED_IN = {"isolation": ("test_isolation.py",)}
+"""The tests of what coverage.py does not see: processes that may write no file."""
 
 POLL_S = 0.1
 PYTEST = ("-q", "-p", "no:cacheprovider", "-o", "addopts=--import-mode=importlib")
-SLOW_TO_IMPORT = ("pytest", "numpy", "numba", "llvmlite.binding", "hypothesis", "typer", "matplotlib.figure")
+SLOW_TO_IMPORT = ("pytest", "numpy", "hypothesis", "typer", "matplotlib.figure")
 """Modules that are imported once: the process of each mutant's tests is forked from this one."""
 
 FIRST_CASES = 2

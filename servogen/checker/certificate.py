@@ -14,40 +14,41 @@ from typing import Any
 
 import numpy as np
 
-from servogen.checker import chip
+from servogen.checker import chip, layout
 from servogen.checker.plan import PINS, Place
 from servogen.errors import InputError, Location
 from servogen.pic.image import Image
 
 Ints = chip.Ints
 MAX_TEXT, MAX_STATES = 64 << 20, 250_000
-FRAME_NUMBER, PLACE, WIDTH = range(chip.SLOTS, chip.SLOTS + 3)
+FRAME_NUMBER, PLACE, WIDTH = range(layout.SLOTS, layout.SLOTS + 3)
 """Columns beside the chip's slots: the schedule's frame, -1 when nothing more is due, and the number of the
 place in the list.
 """
 COLUMNS = {
-    "w": chip.W, "status": chip.STATUS, "fsr": chip.FSR, "porta": chip.PORTA, "portb": chip.PORTB,
-    "eedata": chip.EEDATA, "eeadr": chip.EEADR, "pclath": chip.PCLATH, "intcon": chip.INTCON,
-    "eecon1": chip.EECON1, "tmr0": chip.TMR0, "option": chip.OPTION, "trisa": chip.TRISA, "trisb": chip.TRISB,
+    "w": layout.W, "status": layout.STATUS, "fsr": layout.FSR, "porta": layout.PORTA, "portb": layout.PORTB,
+    "eedata": layout.EEDATA, "eeadr": layout.EEADR, "pclath": layout.PCLATH, "intcon": layout.INTCON,
+    "eecon1": layout.EECON1, "tmr0": layout.TMR0, "option": layout.OPTION, "trisa": layout.TRISA,
+    "trisb": layout.TRISB,
 }  # fmt: skip
 """The slots of registers."""
-UNKNOWN = {row.slot: row.unknown for row in chip.REGISTERS}
+UNKNOWN = {row.slot: row.unknown for row in layout.REGISTERS}
 WRITE_LEFT = "write_left"
 """The column that may be missing: no state has an EEPROM write in progress."""
-RAM = {f"ram.{address:02x}": address for address in range(chip.RAM, chip.RAM_END)}
+RAM = {f"ram.{address:02x}": address for address in range(layout.RAM, layout.RAM_END)}
 FREE = RAM.keys() | {"w", "fsr", "eedata", "eeadr", "tmr0"}
 """Columns of cells that may move with φ."""
 CELLS = {name: (slot, UNKNOWN[slot]) for name, slot in COLUMNS.items() if UNKNOWN[slot]}
 CELLS |= {name: (slot, 0xFF) for name, slot in RAM.items()}
 """Columns of cells, with the bits that may be unknown."""
-NUMBERS = {"option": (chip.OPTION, 0xFF), "trisa": (chip.TRISA, 0x1F), "trisb": (chip.TRISB, 0xFF),
-           "pc": (chip.PC, 0x3FF), "depth": (chip.DEPTH, 8), "prescaler": (chip.TMR0_ZERO, 0xFF),
-           WRITE_LEFT: (chip.WRITTEN_BY, 1 << 30),
-           "watchdog_age": (chip.CLEARED, 1 << 40), "time": (chip.FRAME, 1 << 30),
+NUMBERS = {"option": (layout.OPTION, 0xFF), "trisa": (layout.TRISA, 0x1F), "trisb": (layout.TRISB, 0xFF),
+           "pc": (layout.PC, 0x3FF), "depth": (layout.DEPTH, 8), "prescaler": (layout.TMR0_ZERO, 0xFF),
+           WRITE_LEFT: (layout.WRITTEN_BY, 1 << 30),
+           "watchdog_age": (layout.CLEARED, 1 << 40), "time": (layout.FRAME, 1 << 30),
            "frame": (FRAME_NUMBER, 1 << 30), "place": (PLACE, MAX_STATES),
-           **{f"stack{level}": (chip.STACK + level, 0x3FF) for level in range(8)}}  # fmt: skip
+           **{f"stack{level}": (layout.STACK + level, 0x3FF) for level in range(8)}}  # fmt: skip
 """Columns of numbers, with the largest ones."""
-AGES = [chip.TMR0_ZERO, chip.CLEARED, chip.FRAME]
+AGES = [layout.TMR0_ZERO, layout.CLEARED, layout.FRAME]
 """Slots that count from an earlier cycle on."""
 KEYS = {"format": int, "image": str, "schedule": str, "clock_hz": int, "held": dict,
         "assumptions": list, "cuts": list, "count": int, "places": list, "columns": dict}  # fmt: skip
@@ -114,10 +115,10 @@ def _certificate(data: dict[str, Any]) -> Certificate:
             raise ValueError(f"column {name} has a value that is out of range")
         states[:, slot] = values
     states[:, AGES] *= -1
-    states[:, [chip.REQUESTED, chip.DARK_UNTIL]] = chip.NEVER
-    states[states[:, chip.EECON1] & chip.WR == 0, chip.WRITTEN_BY] = chip.NEVER
+    states[:, [layout.REQUESTED, layout.DARK_UNTIL]] = layout.NEVER
+    states[states[:, layout.EECON1] & layout.WR == 0, layout.WRITTEN_BY] = layout.NEVER
     # A pin may set INTF and RBIF at any time: they are 1 or unknown.
-    states[:, chip.INTCON] |= (chip.INTF | chip.RBIF) << 8 & ~(states[:, chip.INTCON] << 8)
+    states[:, layout.INTCON] |= (layout.INTF | layout.RBIF) << 8 & ~(states[:, layout.INTCON] << 8)
     if (states[:, PLACE] >= len(places)).any():
         raise ValueError("column place")
     fields = {key: data[key] for key in ("image", "schedule", "clock_hz", "held")}

@@ -22,7 +22,7 @@ from math import ceil
 
 import numpy as np
 
-from servogen.checker import chip
+from servogen.checker import chip, layout
 from servogen.checker.certificate import FRAME_NUMBER, PLACE, WIDTH, Certificate, fingerprint
 from servogen.checker.plan import OVER, PINS, UNCOMMANDED, Place, Plan, PlanPosition, read_plan
 from servogen.pic.image import Image
@@ -33,15 +33,15 @@ DUE, ORIGIN, COLUMNS = range(WIDTH, WIDTH + 3)
 """Columns beside those of a certificate: the run of equal frames whose edges are due, and the listed state
 from which the run began (-1: power-up).
 """
-BYTES = [*range(chip.RAM, chip.RAM_END), *(row.slot for row in chip.REGISTERS if row.unknown)]
+BYTES = [*range(layout.RAM, layout.RAM_END), *(row.slot for row in layout.REGISTERS if row.unknown)]
 """The slots of cells; TMR0's is the last one."""
-EXACT = [chip.PC, chip.DEPTH, *(row.slot for row in chip.REGISTERS if not row.unknown), chip.FRAME,
-         FRAME_NUMBER, PLACE, *range(chip.STACK, chip.SLOTS)]  # fmt: skip
+EXACT = [layout.PC, layout.DEPTH, *(row.slot for row in layout.REGISTERS if not row.unknown), layout.FRAME,
+         FRAME_NUMBER, PLACE, *range(layout.STACK, layout.SLOTS)]  # fmt: skip
 """What must be the same in a state and in the listed one that contains it, besides cells and TMR0's count."""
-CHIP, ALWAYS = np.arange(COLUMNS) < chip.SLOTS, np.arange(COLUMNS) <= DUE
-ALWAYS[[chip.W, *range(chip.RAM, chip.RAM_END), FRAME_NUMBER, PLACE]] = False
+CHIP, ALWAYS = np.arange(COLUMNS) < layout.SLOTS, np.arange(COLUMNS) <= DUE
+ALWAYS[[layout.W, *range(layout.RAM, layout.RAM_END), FRAME_NUMBER, PLACE]] = False
 """The chip's slots; and what every run depends on."""
-TIMES = [chip.CLEARED, chip.TIME_OUT_AT, chip.WRITTEN_BY, chip.FRAME]
+TIMES = [layout.CLEARED, layout.TIME_OUT_AT, layout.WRITTEN_BY, layout.FRAME]
 MAX_PERIODS, MAX_CYCLES, MAX_ROWS, ROWS = 500, 3_000_000_000, 20_000, 1000
 FORK_CYCLES = 300
 """As many cycles take as long as a way that is split."""
@@ -66,7 +66,7 @@ class NotCovered(Refused):
         self.what = what
 
 
-OUTSIDE = (chip.REGISTER, chip.PHASE, chip.SEQUENCE)
+OUTSIDE = (layout.REGISTER, layout.PHASE, layout.SEQUENCE)
 """Reasons to stop that are no fault of the program."""
 
 
@@ -96,16 +96,15 @@ class Checker:
             plan = replace(plan, buttons=0, inputs=UNCOMMANDED, parts=[])
         self._plan = plan
         watched = image.config is None or image.config & WATCHDOG_ON
-        cells = [chip.UNKNOWN if any_eeprom else image.eeprom.get(cell, 0xFF) for cell in range(64)]
+        cells = [layout.UNKNOWN if any_eeprom else image.eeprom.get(cell, 0xFF) for cell in range(64)]
         self._any_eeprom = any_eeprom
         self._memory = chip.ChipMemory(
             chip.program_code(image, certificate.cuts),
             np.array([*cells, 0, 0]),
-            chip.result_table(),
             chip.slot_table(),
-            memo=np.full((chip.MEMO, 2), -1),
+            memo=np.full((layout.MEMO, 2), -1),
         )
-        self._board = chip.ChipSurroundings(
+        self._board = layout.ChipSurroundings(
             limit=MAX_PERIODS * plan.period,
             period=plan.period,
             channels=plan.channels,
@@ -116,9 +115,9 @@ class Checker:
             longest_write=ceil(plan.write_us / Clock(plan.clock_hz).cycle_us),
         )
         self._ways = {
-            chip.MAY_INTERRUPT: self._interrupted,
-            chip.MAY_BE_WRITTEN: self._written,
-            chip.SLEEPS: self._woken,
+            layout.MAY_INTERRUPT: self._interrupted,
+            layout.MAY_BE_WRITTEN: self._written,
+            layout.SLEEPS: self._woken,
         }
         self._following, self._sampled = cache(self._after), cache(self._sample)
         self._due = cache(lambda frame, place: plan.run_of(PlanPosition(frame, self._places[place].memory)))
@@ -155,12 +154,12 @@ class Checker:
     @property
     def reads(self) -> bool:
         """Return whether a run has read the EEPROM."""
-        return bool(self._memory.eeprom[chip.EEPROM_READ])
+        return bool(self._memory.eeprom[layout.EEPROM_READ])
 
     @property
     def writes(self) -> bool:
         """Return whether a run has written to the EEPROM."""
-        return bool(self._memory.eeprom[chip.EEPROM_WRITTEN])
+        return bool(self._memory.eeprom[layout.EEPROM_WRITTEN])
 
     def _known(self, certificate: Certificate) -> Ints:
         """Return the listed states with their places numbered, once they can be found. Raises Refused."""
@@ -174,17 +173,17 @@ class Checker:
             raise Refused("the schedule has fewer frames than the listed states")
         numbers = np.array([*map(self._number, certificate.places), 0])
         rows[:, PLACE] = np.where(over, self._number(Place(OVER.memory)), numbers[rows[:, PLACE]])
-        rows[over, chip.FRAME] = chip.NEVER
+        rows[over, layout.FRAME] = layout.NEVER
         rows[:, ORIGIN] = np.arange(len(rows))
         # Among states with the same unknown bits, containment is equality of the known ones: a look-up by
         # key.
         cells = rows[:, BYTES].astype(np.int32)
         shapes: dict[bytes, list[int]] = defaultdict(list)
-        for number, shape in enumerate(np.where(cells >> 16, 1 << 16, cells & chip.UNKNOWN)):
+        for number, shape in enumerate(np.where(cells >> 16, 1 << 16, cells & layout.UNKNOWN)):
             shapes[shape.tobytes()].append(number)
         for text, numbers_of in shapes.items():
             numbers_of.sort(
-                key=lambda number: int(rows[number, chip.WRITTEN_BY])
+                key=lambda number: int(rows[number, layout.WRITTEN_BY])
             )  # of equals, the widest one
             shape = np.frombuffer(text, dtype=np.int32)
             self._listed.append((shape, dict(zip(_keys(rows[numbers_of], shape), numbers_of, strict=True))))
@@ -194,19 +193,19 @@ class Checker:
         """Return listed states as those of a chip that runs on from there."""
         rows, ratio = rows.copy(), _ratio(rows)
         # TMR0 counts the edges of RA4, which may have any level at any time.
-        rows[rows[:, chip.OPTION] & chip.T0CS != 0, chip.TMR0] = chip.UNKNOWN
-        rows[:, chip.TMR0_ZERO] -= (rows[:, chip.TMR0] & 0xFF) * ratio
-        due = rows[:, chip.TMR0_ZERO] + 256 * ratio - 1
-        rows[:, chip.OVERFLOW_AT] = np.where(
-            rows[:, chip.TMR0] >> 8, chip.NEVER, np.where(due > 0, due, due + 256 * ratio)
+        rows[rows[:, layout.OPTION] & layout.T0CS != 0, layout.TMR0] = layout.UNKNOWN
+        rows[:, layout.TMR0_ZERO] -= (rows[:, layout.TMR0] & 0xFF) * ratio
+        due = rows[:, layout.TMR0_ZERO] + 256 * ratio - 1
+        rows[:, layout.OVERFLOW_AT] = np.where(
+            rows[:, layout.TMR0] >> 8, layout.NEVER, np.where(due > 0, due, due + 256 * ratio)
         )
-        rows[:, chip.TMR0] &= ~0xFF
-        rows[:, [chip.CHOSEN, chip.TIME_OUT_AT]] = chip.UNKNOWN, chip.NEVER
-        rows[:, [chip.DECLINED, chip.UNFINISHED]] = -1
+        rows[:, layout.TMR0] &= ~0xFF
+        rows[:, [layout.CHOSEN, layout.TIME_OUT_AT]] = layout.UNKNOWN, layout.NEVER
+        rows[:, [layout.DECLINED, layout.UNFINISHED]] = -1
         for row in rows:
             frame, place = row[[FRAME_NUMBER, PLACE]].tolist()
             row[DUE] = self._due(frame, place)
-            row[chip.EDGE] = self._edge(int(row[DUE]), -int(row[chip.FRAME]))
+            row[layout.EDGE] = self._edge(int(row[DUE]), -int(row[layout.FRAME]))
             if self._board.watchdog:
                 chip.plan_time_out(row, self._board, 0, 0)
         return rows
@@ -214,12 +213,14 @@ class Checker:
     def _power_up(self) -> Ints:
         """Return the state after any reset: what DS35007 table 6-4 does not define is unknown."""
         s = np.zeros(COLUMNS, dtype=np.int64)
-        s[chip.RAM : chip.RAM_END] = s[chip.CHOSEN] = chip.UNKNOWN
-        for row in chip.REGISTERS:
+        s[layout.RAM : layout.RAM_END] = s[layout.CHOSEN] = layout.UNKNOWN
+        for row in layout.REGISTERS:
             s[row.slot] = row.reset
-        s[chip.FRAME] = chip.BEFORE
-        s[[chip.OVERFLOW_AT, chip.REQUESTED, chip.TIME_OUT_AT, chip.WRITTEN_BY, chip.DARK_UNTIL]] = chip.NEVER
-        s[[chip.DECLINED, chip.UNFINISHED]] = -1
+        s[layout.FRAME] = layout.BEFORE
+        s[
+            [layout.OVERFLOW_AT, layout.REQUESTED, layout.TIME_OUT_AT, layout.WRITTEN_BY, layout.DARK_UNTIL]
+        ] = layout.NEVER
+        s[[layout.DECLINED, layout.UNFINISHED]] = -1
         chip.plan_time_out(s, self._board, 0, 0)
         frame, memory = self._plan.first
         s[[FRAME_NUMBER, PLACE, ORIGIN]] = frame, self._number(Place(memory)), -1
@@ -240,22 +241,22 @@ class Checker:
             stopped = []
             while len(states):
                 rows, why, states = self._run_first(states)
-                if why == chip.NEW_FRAME:
+                if why == layout.NEW_FRAME:
                     stopped.append(self._next_frame(rows))
-                elif why == chip.LAST_EDGE or (
-                    why == chip.TOO_LONG and rows[0, chip.CYCLE] < self._board.limit
+                elif why == layout.LAST_EDGE or (
+                    why == layout.TOO_LONG and rows[0, layout.CYCLE] < self._board.limit
                 ):
                     stopped.append(rows)
-                elif why in (chip.FORK, chip.BUTTON):
+                elif why in (layout.FORK, layout.BUTTON):
                     stopped += self._both(rows, why)
                 elif why in self._ways:
                     rows = self._new(rows)
                     self._forks += len(rows)
                     stopped += self._ways[why](rows) if len(rows) else []
-                elif why == chip.CUT:
+                elif why == layout.CUT:
                     arrived.append(rows)
                 else:
-                    reason, outside = chip.REASONS[why], why in OUTSIDE
+                    reason, outside = layout.REASONS[why], why in OUTSIDE
                     raise NotCovered(reason, _place_of(rows[0])) if outside else _refused(rows[0], reason)
                 if (
                     max(self._run, FORK_CYCLES * self._forks) > MAX_CYCLES
@@ -270,16 +271,16 @@ class Checker:
         """Run the first state and all that go the same way; return them, why they stopped, and the others."""
         s, used = states[0].copy(), np.zeros(COLUMNS, dtype=np.int64)
         edge_at, edge_out = self._plan.edges[s[DUE]]
-        board = self._board if s[chip.CYCLE] >= PAUSE else self._board._replace(limit=PAUSE)
+        board = self._board if s[layout.CYCLE] >= PAUSE else self._board._replace(limit=PAUSE)
         why = chip.run(s, used, edge_at, edge_out, self._memory, board)
         # The run has read nothing else, so all states that agree in these go the same way.
-        decide = np.flatnonzero(ALWAYS | (used & chip.READ != 0))
+        decide = np.flatnonzero(ALWAYS | (used & layout.READ != 0))
         alike = (states[:, decide] == states[0, decide]).all(axis=1)
         rows, others = states[alike], states[~alike]
-        cycles = int(s[chip.CYCLE] - rows[0, chip.CYCLE])
+        cycles = int(s[layout.CYCLE] - rows[0, layout.CYCLE])
         self._run += cycles
         self._cycles += cycles * len(rows)
-        changed = np.flatnonzero(CHIP & (ALWAYS | (used & chip.CHANGED != 0)))
+        changed = np.flatnonzero(CHIP & (ALWAYS | (used & layout.CHANGED != 0)))
         rows[:, changed] = s[changed]
         return rows, why, others
 
@@ -292,8 +293,8 @@ class Checker:
                 raise _refused(row, "an input was not read in the frame")
             row[[FRAME_NUMBER, PLACE, DUE]] = following
         over = rows[:, FRAME_NUMBER] < 0
-        rows[:, chip.FRAME] = np.where(over, chip.NEVER, rows[:, chip.FRAME] + self._plan.period)
-        rows[:, chip.EDGE] = 0
+        rows[:, layout.FRAME] = np.where(over, layout.NEVER, rows[:, layout.FRAME] + self._plan.period)
+        rows[:, layout.EDGE] = 0
         return rows
 
     def _after(self, frame: int, number: int) -> tuple[int, int, int] | None:
@@ -308,14 +309,14 @@ class Checker:
     def _both(self, rows: Ints, why: int) -> list[Ints]:
         """Return the rows with the bit in question 0, and with it 1. Raises Refused if it is read again."""
         self._forks += len(rows)
-        slot, bit = rows[0, [chip.ASKED, chip.ASKED_BIT]].tolist()
-        pin = bit.bit_length() - 1 + (5 if slot == chip.PORTB else 0)
+        slot, bit = rows[0, [layout.ASKED, layout.ASKED_BIT]].tolist()
+        pin = bit.bit_length() - 1 + (5 if slot == layout.PORTB else 0)
         both = [rows, rows.copy()]
         for level, its in enumerate(both):
             # A level is given for one instruction only, whereas a bit of a register stays as it was chosen.
-            stored = chip.CHOSEN if why == chip.BUTTON else slot
+            stored = layout.CHOSEN if why == layout.BUTTON else slot
             its[:, stored] = its[:, stored] & ~(bit << 8) | bit * level
-            if why == chip.BUTTON and its[0, chip.FRAME] not in (chip.BEFORE, chip.NEVER):
+            if why == layout.BUTTON and its[0, layout.FRAME] not in (layout.BEFORE, layout.NEVER):
                 its[:, PLACE] = [self._sampled(place, pin, level) for place in its[:, PLACE].tolist()]
                 for row in its[its[:, PLACE] < 0]:
                     raise _refused(row, "an input is read again")
@@ -326,12 +327,12 @@ class Checker:
         itself need not come to a cut. Before the first pulse, which must come, every state is new.
         """
         rows = np.unique(rows, axis=0)
-        columns = [*EXACT, *BYTES, *TIMES, chip.TMR0_ZERO]
-        states = np.hstack([_settled(rows)[:, columns], rows[:, [chip.DOUBTED, chip.CHOSEN]]])
+        columns = [*EXACT, *BYTES, *TIMES, layout.TMR0_ZERO]
+        states = np.hstack([_settled(rows)[:, columns], rows[:, [layout.DOUBTED, layout.CHOSEN]]])
         new = np.ones(len(rows), dtype=bool)
         for number, state in enumerate(states):
             key = hashlib.sha256(state.tobytes()).digest()
-            described = rows[number, chip.FRAME] != chip.BEFORE and chip.at_rest(rows[number])
+            described = rows[number, layout.FRAME] != layout.BEFORE and chip.at_rest(rows[number])
             new[number] = not described or key not in self._followed
             if described:
                 self._followed.add(key)
@@ -341,24 +342,24 @@ class Checker:
         """Return the rows without an interrupt, and with one by each flag that the latest instruction may
         have sampled, in its first cycle or in its last one.
         """
-        now, ways = int(rows[0, chip.CYCLE]), [rows]
-        for flag in _bits(int(rows[0, chip.DOUBTED])):
+        now, ways = int(rows[0, layout.CYCLE]), [rows]
+        for flag in _bits(int(rows[0, layout.DOUBTED])):
             for cycle in (now + 1, now + 2):
                 ways.append(rows.copy())
                 for row in ways[-1]:
                     chip.happen(row, flag)
-                    if chip.interrupt(row, cycle) == chip.OVERFLOW:
-                        raise _refused(row, chip.REASONS[chip.OVERFLOW])
-        rows[:, chip.DECLINED] = now
+                    if chip.interrupt(row, cycle) == layout.OVERFLOW:
+                        raise _refused(row, layout.REASONS[layout.OVERFLOW])
+        rows[:, layout.DECLINED] = now
         return ways
 
     def _written(self, rows: Ints) -> list[Ints]:
         """Return the rows with the EEPROM write over, and not yet."""
         over = rows.copy()
         for row in over:
-            chip.happen(row, chip.WRITE_OVER)
-            chip.request(row, row[chip.CYCLE])
-        rows[:, chip.UNFINISHED] = rows[:, chip.CYCLE]
+            chip.happen(row, layout.WRITE_OVER)
+            chip.request(row, row[layout.CYCLE])
+        rows[:, layout.UNFINISHED] = rows[:, layout.CYCLE]
         return [rows, over]
 
     def _woken(self, rows: Ints) -> list[Ints]:
@@ -374,8 +375,8 @@ class Checker:
         if certain:
             return ways
         self._rest(rows)
-        write = chip.WRITE_OVER if first[chip.EECON1] & chip.WR else 0
-        wakers = _bits(chip.enabled(first) & (chip.INTF | chip.RBIF | write))
+        write = layout.WRITE_OVER if first[layout.EECON1] & layout.WR else 0
+        wakers = _bits(chip.enabled(first) & (layout.INTF | layout.RBIF | write))
         for flag in [*wakers, *([0] if self._board.watchdog else [])]:
             ways.append(rows.copy())
             for row in ways[-1]:
@@ -385,15 +386,15 @@ class Checker:
     def _rest(self, rows: Ints) -> None:
         """Let nothing be due any more in rows that sleep. Raises Refused if a pulse is due."""
         for row in rows:
-            if row[chip.FRAME] == chip.BEFORE:
+            if row[layout.FRAME] == layout.BEFORE:
                 if not self._board.watchdog:
                     raise _refused(row, "SLEEP before the first pulse, and nothing has to end it")
-            elif row[chip.FRAME] != chip.NEVER:
-                if row[chip.EDGE] < len(self._plan.edges[row[DUE]][0]) or not self._plan.silent_after(
+            elif row[layout.FRAME] != layout.NEVER:
+                if row[layout.EDGE] < len(self._plan.edges[row[DUE]][0]) or not self._plan.silent_after(
                     int(row[FRAME_NUMBER])
                 ):
                     raise _refused(row, "SLEEP while pulses are due")
-                row[[chip.FRAME, FRAME_NUMBER, chip.EDGE]] = chip.NEVER, OVER.frame, 0
+                row[[layout.FRAME, FRAME_NUMBER, layout.EDGE]] = layout.NEVER, OVER.frame, 0
                 row[PLACE], row[DUE] = self._number(Place(OVER.memory)), self._plan.run_of(OVER)
 
     def _sample(self, number: int, pin: int, level: int) -> int:
@@ -409,9 +410,9 @@ class Checker:
             numbers = np.array([listed.get(key, -1) if key else -1 for key in _keys(settled, shape)])
             within = numbers >= 0
             # A write that is over earlier is over in as many ways, or fewer.
-            within &= settled[:, chip.WRITTEN_BY] <= self._states[numbers][:, chip.WRITTEN_BY]
+            within &= settled[:, layout.WRITTEN_BY] <= self._states[numbers][:, layout.WRITTEN_BY]
             if self._board.watchdog:
-                ages = [chip.CLEARED, chip.TIME_OUT_AT]
+                ages = [layout.CLEARED, layout.TIME_OUT_AT]
                 # A watchdog that was cleared later than in the listed state times out later, too.
                 within &= (settled[:, ages] >= self._states[numbers][:, ages]).all(axis=1)
             missing &= ~within
@@ -426,14 +427,16 @@ def _refused(row: Ints, reason: str) -> Refused:
 
 def _place_of(row: Ints) -> str:
     """Return where a chip is: cycle, state, address, frame, pins."""
-    frame = f"frame {row[FRAME_NUMBER]}, cycle {row[chip.CYCLE] - row[chip.FRAME]}"
-    if row[chip.FRAME] in (chip.BEFORE, chip.NEVER):
-        frame = "before the first pulse" if row[chip.FRAME] < 0 else "after the last pulse"
+    frame = f"frame {row[FRAME_NUMBER]}, cycle {row[layout.CYCLE] - row[layout.FRAME]}"
+    if row[layout.FRAME] in (layout.BEFORE, layout.NEVER):
+        frame = "before the first pulse" if row[layout.FRAME] < 0 else "after the last pulse"
     origin = "power-up" if row[ORIGIN] < 0 else f"state {row[ORIGIN]}"
-    levels = (row[chip.PORTA] | row[chip.PORTA] >> 8) & 0x1F | (row[chip.PORTB] | row[chip.PORTB] >> 8) << 5
-    driven = levels & ~(row[chip.TRISA] | row[chip.TRISB] << 5)
+    levels = (row[layout.PORTA] | row[layout.PORTA] >> 8) & 0x1F | (
+        row[layout.PORTB] | row[layout.PORTB] >> 8
+    ) << 5
+    driven = levels & ~(row[layout.TRISA] | row[layout.TRISB] << 5)
     high = " ".join(pin for bit, pin in enumerate(PINS) if driven >> bit & 1) or "none"
-    where = f"{row[chip.CYCLE]} cycles after {origin}, at address 0x{row[chip.PC]:03X}, {frame}"
+    where = f"{row[layout.CYCLE]} cycles after {origin}, at address 0x{row[layout.PC]:03X}, {frame}"
     return f"{where}, high pins: {high}"
 
 
@@ -444,19 +447,19 @@ def _bits(word: int) -> list[int]:
 
 def _ratio(rows: Ints) -> Ints:
     """Return the cycles in which TMR0 counts one."""
-    option = rows[:, chip.OPTION]
-    return np.where(option & chip.PSA, 1, 2 << (option & chip.PS))
+    option = rows[:, layout.OPTION]
+    return np.where(option & layout.PSA, 1, 2 << (option & layout.PS))
 
 
 def _settled(rows: Ints) -> Ints:
     """Return states as a certificate lists them: with cycles counted from now on, and TMR0 as it is read."""
-    rows, now, ratio = rows.copy(), rows[:, [chip.CYCLE]], _ratio(rows)
-    counts = (now[:, 0] - rows[:, chip.TMR0_ZERO]) % (256 * ratio)
-    rows[:, chip.TMR0] |= np.where(rows[:, chip.TMR0] & chip.UNKNOWN, 0, counts // ratio)
-    rows[:, chip.TMR0_ZERO] = -(counts % ratio)
-    rows[:, TIMES] -= np.where(abs(rows[:, TIMES]) == chip.NEVER, 0, now)
-    rows[:, [chip.CYCLE, chip.TMR0_FROM, chip.DOUBTED, chip.KEYS, chip.KEY_AT]] = 0
-    rows[:, [chip.DECLINED, chip.UNFINISHED]] = -1
+    rows, now, ratio = rows.copy(), rows[:, [layout.CYCLE]], _ratio(rows)
+    counts = (now[:, 0] - rows[:, layout.TMR0_ZERO]) % (256 * ratio)
+    rows[:, layout.TMR0] |= np.where(rows[:, layout.TMR0] & layout.UNKNOWN, 0, counts // ratio)
+    rows[:, layout.TMR0_ZERO] = -(counts % ratio)
+    rows[:, TIMES] -= np.where(abs(rows[:, TIMES]) == layout.NEVER, 0, now)
+    rows[:, [layout.CYCLE, layout.TMR0_FROM, layout.DOUBTED, layout.KEYS, layout.KEY_AT]] = 0
+    rows[:, [layout.DECLINED, layout.UNFINISHED]] = -1
     return rows
 
 
@@ -468,11 +471,11 @@ def _keys(rows: Ints, shape: Ints) -> list[bytes | None]:
     """
     cells, unknown, moves = rows[:, BYTES].astype(np.int32), shape >> 8 & 0xFF, shape >> 16 == 1
     timer = cells[:, -1:]
-    together = (cells >> 8 == timer >> 8) & (timer & chip.UNKNOWN == 0)
+    together = (cells >> 8 == timer >> 8) & (timer & layout.UNKNOWN == 0)
     doubt = np.where(cells >> 16, 0xFF, cells >> 8)
     fits = np.where(moves, together, doubt & ~unknown == 0).all(axis=1)
     values = np.where(moves, cells - timer, cells) & 0xFF & ~unknown
-    count = rows[:, [chip.TMR0_ZERO]] * (shape[-1] & chip.UNKNOWN == 0)
+    count = rows[:, [layout.TMR0_ZERO]] * (shape[-1] & layout.UNKNOWN == 0)
     keys = np.hstack([rows[:, EXACT], count, values])
     return [key.tobytes() if fit else None for key, fit in zip(keys, fits, strict=True)]
 

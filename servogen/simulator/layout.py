@@ -23,7 +23,7 @@ NEVER = 1 << 62
 NOT_WRITTEN = 0x100
 """Set in a RAM slot until the program writes the byte."""
 UNKNOWN_SHIFT = 9
-"""A RAM slot's bits above this hold what is unknown of the byte: see unknown.py."""
+"""A RAM slot's bits above this hold what is unknown of the byte: see unknown.h."""
 
 RAM_SLOTS = 128
 
@@ -59,13 +59,13 @@ OPTION = _table.add("OPTION", Future.VALUE, register="OPTION_REG", power_up=0xFF
 SLEEPING = _table.add("SLEEPING", Future.VALUE)
 IN_RESET = _table.add("IN_RESET", Future.VALUE)
 
-# What the instruction loop must stop for: see events.py.
+# What the instruction loop must stop for: see events.h.
 HORIZON = _table.add("HORIZON")
 IRQ_AT = _table.add("IRQ_AT", Future.MOMENT, power_up=NEVER)
 START_UP = _table.add("START_UP")
 AWAKE_AT = _table.add("AWAKE_AT", Future.UNTIL)
 
-# TMR0, prescaler, watchdog: see timer.py.
+# TMR0, prescaler, watchdog: see timer.h.
 T0_AT = _table.add("T0_AT", Future.UNTIL, timed=True)
 TMR0, TMR0_UNKNOWN = _table.add_uncertain(
     "TMR0", register="TMR0", undefined=0xFF, start="tmr0", source="TMR0", timed=True
@@ -81,7 +81,7 @@ WDT_SHORTEST = _table.add("WDT_SHORTEST")
 WDT_CLEARED = _table.add("WDT_CLEARED", Future.SINCE, timed=True, other_chips=True)
 WDT_EARLIEST = _table.add("WDT_EARLIEST", Future.MOMENT, power_up=NEVER, timed=True, other_chips=True)
 
-# Data EEPROM: see eeprom.py.
+# Data EEPROM: see eeprom.h.
 EEDATA, EEDATA_UNKNOWN = _table.add_uncertain(
     "EEDATA", register="EEDATA", undefined=0xFF, start="eedata", source="EEDATA", merged=True
 )
@@ -98,7 +98,7 @@ EE_CELL = _table.add("EE_CELL", Future.VALUE)
 EE_BYTE = _table.add("EE_BYTE", Future.VALUE)
 EE_TIME = _table.add("EE_TIME")
 
-# Interrupts and ports: see interrupts.py, ports.py.
+# Interrupts and ports: see interrupts.h, ports.h.
 INTCON, INTCON_UNKNOWN = _table.add_uncertain("INTCON", register="INTCON", undefined=RBIF, start="rbif")
 PINS, PINS_UNKNOWN = _table.add_uncertain("PINS", port="PORT")
 LATCH, LATCH_UNKNOWN = _table.add_uncertain("LATCH", port="LAT", undefined=ALL_PINS, start="latches")
@@ -144,7 +144,7 @@ TRACE_COUNT = _table.add("TRACE_COUNT")
 TRACE_ROOM = _table.add("TRACE_ROOM")
 WARN_COUNT = _table.add("WARN_COUNT")
 
-# The first use of a bit whose value differs between chips: see unknown.py.
+# The first use of a bit whose value differs between chips: see unknown.h.
 TRACKED = _table.add("TRACKED")
 HERE = _table.add("HERE")
 USE_KIND = _table.add("USE_KIND")
@@ -205,7 +205,7 @@ PACK_CYCLE, PACK_PIN, PACK_LEVELS = 8, 2, 3
 MCLR_PIN = 13
 """The number of the reset pin in a stimulus, after the thirteen of `edges.PINS`."""
 
-# The memo of regions (memo.py), one vector of rows; and the nested regions being recorded.
+# The memo of regions (memo.h), one vector of rows; and the nested regions being recorded.
 MEMO_ROWS, MEMO_COLUMNS = 1 << 12, 5
 UNKNOWN = -1
 DEEPEST_RECORDING, RECORD = 8, 4
@@ -231,7 +231,7 @@ GOES_ON, AT_END, EDGES_FULL, AT_BREAKPOINT, NEEDS_STIMULUS, TRACE_FULL = range(6
     WARN_PULLED_UP,
 ) = range(11)
 
-# Sources of unknown bits (unknown.py). 1 to 0x0B are those of the table's rows, 0x0C to 0x4F the RAM bytes;
+# Sources of unknown bits (unknown.h). 1 to 0x0B are those of the table's rows, 0x0C to 0x4F the RAM bytes;
 # pins are added to FLOATING_PIN and UNWRITTEN_LATCH.
 SOURCE_TMR0, SOURCE_EEADR, SOURCE_WRERR = (ROW[name].source for name in ("TMR0", "EEADR", "EECON1"))
 FLOATING_PIN, UNWRITTEN_LATCH = 0x50, 0x60

@@ -58,7 +58,7 @@ class SlotFacts:
     start: str = ""
     """The name of the undefined bits as a start value (`--start`)."""
     source: int = 0
-    """The source that its unknown bits have at power-up (unknown.py), 0 for none."""
+    """The source that its unknown bits have at power-up (unknown.h), 0 for none."""
     source_name: str = ""
     """What warnings call the undefined bits."""
 

@@ -1,6 +1,6 @@
 """Warnings: noteworthy actions of the program, in words.
 
-In: what the instruction loop recorded in the state vector (`warn.py`, `unknown.py`), the configuration word
+In: what the instruction loop recorded in the state vector (`warn.h`, `unknown.h`), the configuration word
 and the clock. Out: diagnostics with cycle and address, in order of cycles.
 """
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from servogen.checker import check, chip
+from servogen.checker import check, chip, layout
 from servogen.checker.certificate import (
     AGES,
     CELLS,
@@ -149,7 +149,7 @@ def certify(image: Image, plan_text: bytes, cuts: list[int], forget: Forget = la
     claim = Maker(image, plan, Certificate("", "", 0, {}, frozenset(cuts), [], none)).make(forget)
     states = claim.states.copy()
     states[:, AGES] *= -1
-    states[states[:, FRAME_NUMBER] < 0, chip.FRAME] = 0
+    states[states[:, FRAME_NUMBER] < 0, layout.FRAME] = 0
     columns = {
         name: {"delta": np.diff([0, *states[:, slot].tolist()]).tolist()}
         for name, (slot, _) in (*CELLS.items(), *NUMBERS.items())

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from servogen.checker import chip
+from servogen.checker import chip, layout
 from servogen.edges import PINS
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
@@ -23,22 +23,22 @@ from tests.simulator import programs
 
 CLOCK = Clock(4_000_000)
 REGISTERS = {
-    chip.FSR: "FSR",
-    chip.PCLATH: "PCLATH",
-    chip.PORTA: "LATA",
-    chip.PORTB: "LATB",
-    chip.INTCON: "INTCON",
-    chip.EEDATA: "EEDATA",
-    chip.EEADR: "EEADR",
-    chip.EECON1: "EECON1",
-    chip.OPTION: "OPTION_REG",
-    chip.TRISA: "TRISA",
-    chip.TRISB: "TRISB",
+    layout.FSR: "FSR",
+    layout.PCLATH: "PCLATH",
+    layout.PORTA: "LATA",
+    layout.PORTB: "LATB",
+    layout.INTCON: "INTCON",
+    layout.EEDATA: "EEDATA",
+    layout.EEADR: "EEADR",
+    layout.EECON1: "EECON1",
+    layout.OPTION: "OPTION_REG",
+    layout.TRISA: "TRISA",
+    layout.TRISB: "TRISB",
 }
 FILES = {0x01: "TMR0", 0x03: "STATUS", 0x04: "FSR", 0x05: "PORTA", 0x06: "PORTB", 0x08: "EEDATA",
          0x09: "EEADR", 0x0A: "PCLATH", 0x0B: "INTCON", 0x88: "EECON1"}  # fmt: skip
 """What the chip reads at addresses other than RAM; some alike in both banks."""
-USED = {chip.PORTA: 0x1F, chip.TRISA: 0x1F, chip.EECON1: 0x0C, chip.INTCON: 0xFF}
+USED = {layout.PORTA: 0x1F, layout.TRISA: 0x1F, layout.EECON1: 0x0C, layout.INTCON: 0xFF}
 NO_EDGES = np.zeros(0, dtype=np.int64)
 
 
@@ -85,31 +85,37 @@ def noise(rng: random.Random, cycles: int) -> Stimuli:
 
 
 def power_up() -> chip.Ints:
-    s = np.zeros(chip.SLOTS, dtype=np.int64)
-    s[chip.RAM : chip.RAM_END] = chip.UNKNOWN
-    for slot in (chip.TMR0, chip.FSR, chip.PORTB, chip.EEDATA, chip.EEADR, chip.W, chip.CHOSEN):
-        s[slot] = chip.UNKNOWN
-    s[chip.PORTA] = s[chip.STATUS] = 0x1F00
-    s[chip.EECON1] = 0x0800
-    s[chip.OPTION], s[chip.TRISA], s[chip.TRISB], s[chip.FRAME] = 0xFF, 0x1F, 0xFF, chip.BEFORE
-    s[chip.INTCON] = 0x0300  # INTF and RBIF may be set by the pins at once
-    for slot in (chip.OVERFLOW_AT, chip.REQUESTED, chip.TIME_OUT_AT, chip.WRITTEN_BY, chip.DARK_UNTIL):
-        s[slot] = chip.NEVER
-    s[chip.DECLINED] = s[chip.UNFINISHED] = -1
+    s = np.zeros(layout.SLOTS, dtype=np.int64)
+    s[layout.RAM : layout.RAM_END] = layout.UNKNOWN
+    for slot in (layout.TMR0, layout.FSR, layout.PORTB, layout.EEDATA, layout.EEADR, layout.W, layout.CHOSEN):
+        s[slot] = layout.UNKNOWN
+    s[layout.PORTA] = s[layout.STATUS] = 0x1F00
+    s[layout.EECON1] = 0x0800
+    s[layout.OPTION], s[layout.TRISA], s[layout.TRISB], s[layout.FRAME] = 0xFF, 0x1F, 0xFF, layout.BEFORE
+    s[layout.INTCON] = 0x0300  # INTF and RBIF may be set by the pins at once
+    for slot in (
+        layout.OVERFLOW_AT,
+        layout.REQUESTED,
+        layout.TIME_OUT_AT,
+        layout.WRITTEN_BY,
+        layout.DARK_UNTIL,
+    ):
+        s[slot] = layout.NEVER
+    s[layout.DECLINED] = s[layout.UNFINISHED] = -1
     return s
 
 
 def memory(image: Image) -> chip.ChipMemory:
     eeprom = np.array([*(image.eeprom.get(cell, 0xFF) for cell in range(64)), 0, 0])
-    memo = np.full((chip.MEMO, 2), -1)
+    memo = np.full((layout.MEMO, 2), -1)
     code = chip.program_code(image, frozenset())
-    return chip.ChipMemory(code, eeprom, chip.result_table(), chip.slot_table(), memo)
+    return chip.ChipMemory(code, eeprom, chip.slot_table(), memo)
 
 
-def board(limit: int) -> chip.ChipSurroundings:
+def board(limit: int) -> layout.ChipSurroundings:
     """A board on which nothing is held, that ends a run in the cycle `limit`."""
-    return chip.ChipSurroundings(
-        limit, period=chip.NEVER, channels=0, buttons=0, held=0, levels=0, watchdog=0
+    return layout.ChipSurroundings(
+        limit, period=layout.NEVER, channels=0, buttons=0, held=0, levels=0, watchdog=0
     )
 
 
@@ -139,76 +145,76 @@ def compare(image: Image, seed: int, cycles: int = 3000) -> Compared:
     held = memory(image)
     s = power_up()
     phase, asked, instructions, stride = -1, 0, 0, rng.choice((1, 1, 7, 300))
-    while s[chip.CYCLE] < cycles:
-        used = np.zeros(chip.SLOTS, dtype=np.int64)
-        why = chip.run(s, used, edge_at, edge_out, held, board(int(s[chip.CYCLE]) + stride))
-        while machine.cycles < s[chip.CYCLE]:
+    while s[layout.CYCLE] < cycles:
+        used = np.zeros(layout.SLOTS, dtype=np.int64)
+        why = chip.run(s, used, edge_at, edge_out, held, board(int(s[layout.CYCLE]) + stride))
+        while machine.cycles < s[layout.CYCLE]:
             machine.step()
             instructions += 1
         state = machine.state()
-        if why == chip.FORK:
+        if why == layout.FORK:
             asked += 1
             give(s, state, image)
             continue
-        if why not in (chip.TOO_LONG, chip.LAST_EDGE):
+        if why not in (layout.TOO_LONG, layout.LAST_EDGE):
             return Compared(instructions, asked, why, phase >= 0)
-        assert machine.cycles == s[chip.CYCLE] and state.pc & 0x3FF == s[chip.PC], f"seed {seed}"
+        assert machine.cycles == s[layout.CYCLE] and state.pc & 0x3FF == s[layout.PC], f"seed {seed}"
         contained(s, state, phase, seed)
-        if phase < 0 and s[chip.TMR0] >> 8 == 0 and not s[chip.INTCON] & 0x20 and rng.random() < 0.02:
+        if phase < 0 and s[layout.TMR0] >> 8 == 0 and not s[layout.INTCON] & 0x20 and rng.random() < 0.02:
             phase = rng.randrange(256)
             forget(s, rng, phase)
-    return Compared(instructions, asked, chip.TOO_LONG, phase >= 0)
+    return Compared(instructions, asked, layout.TOO_LONG, phase >= 0)
 
 
 def give(s: chip.Ints, state: MachineState, image: Image) -> None:
     """Answer the checker's question with the simulator's value."""
-    slot, bits = int(s[chip.ASKED]), int(s[chip.ASKED_BIT])
-    if slot != chip.CHOSEN:
+    slot, bits = int(s[layout.ASKED]), int(s[layout.ASKED_BIT])
+    if slot != layout.CHOSEN:
         value = concrete(state, slot)
         assert s[slot] >> 8 & bits
         s[slot] = s[slot] & ~(bits << 8) | value & bits
         return
-    f = image.program[int(s[chip.PC])] & 0x7F
+    f = image.program[int(s[layout.PC])] & 0x7F
     address = state.registers["FSR"] if f == 0 else f | (state.status & 0x20) << 2
     value = state.registers[FILES[address if address in FILES else address & 0x7F]]
-    s[chip.CHOSEN] = s[chip.CHOSEN] & ~(bits << 8) | value & bits
+    s[layout.CHOSEN] = s[layout.CHOSEN] & ~(bits << 8) | value & bits
 
 
 def concrete(state: MachineState, slot: int) -> int:
-    if chip.RAM <= slot < chip.RAM_END:
-        return state.ram[slot - chip.RAM]
-    if slot == chip.W:
+    if layout.RAM <= slot < layout.RAM_END:
+        return state.ram[slot - layout.RAM]
+    if slot == layout.W:
         return state.w
-    return state.status if slot == chip.STATUS else state.registers[REGISTERS[slot]]
+    return state.status if slot == layout.STATUS else state.registers[REGISTERS[slot]]
 
 
 def contained(s: chip.Ints, state: MachineState, phase: int, seed: int) -> None:
     """The simulator's state is one of the checker's."""
-    for slot in (*range(chip.RAM, chip.RAM_END), chip.W, chip.STATUS, *REGISTERS):
+    for slot in (*range(layout.RAM, layout.RAM_END), layout.W, layout.STATUS, *REGISTERS):
         cell, value = int(s[slot]), concrete(state, slot)
         used = USED.get(slot, 0xFF)
-        if slot == chip.INTCON:
-            cell |= 0x300 if s[chip.TMR0] >> 8 == 0 else 0x700
+        if slot == layout.INTCON:
+            cell |= 0x300 if s[layout.TMR0] >> 8 == 0 else 0x700
         if cell >> 16:
             assert (cell + phase) & 0xFF == value, f"seed {seed}: slot {slot:#x}"
         else:
             assert (cell ^ value) & ~(cell >> 8) & used == 0, (
                 f"seed {seed}: slot {slot:#x} {cell:#x} {value:#x}"
             )
-    timer = int(chip.timer(s, int(s[chip.CYCLE])))
+    timer = int(chip.timer(s, int(s[layout.CYCLE])))
     if timer >> 16:
         assert (timer + phase) & 0xFF == state.registers["TMR0"], f"seed {seed}: TMR0"
     elif timer >> 8 == 0:
         assert timer == state.registers["TMR0"], f"seed {seed}: TMR0"
-    depth = int(s[chip.DEPTH])
+    depth = int(s[layout.DEPTH])
     stack = [level & 0x3FF for level in state.stack[:depth]][::-1]
-    assert s[chip.STACK : chip.STACK + depth].tolist() == stack, f"seed {seed}: stack"
+    assert s[layout.STACK : layout.STACK + depth].tolist() == stack, f"seed {seed}: stack"
 
 
 def forget(s: chip.Ints, rng: random.Random, phase: int) -> None:
     """Let TMR0 and some bytes of RAM be known only relative to each other."""
-    for slot in (*rng.sample(range(chip.RAM, chip.RAM_END), 30), 0x0C, 0x0D, 0x20):
+    for slot in (*rng.sample(range(layout.RAM, layout.RAM_END), 30), 0x0C, 0x0D, 0x20):
         if s[slot] >> 8 == 0:
             s[slot] = (s[slot] - phase) & 0xFF | 1 << 16
-    s[chip.TMR0_ZERO] += phase * int(chip.ratio(s))
-    s[chip.TMR0], s[chip.OVERFLOW_AT] = 1 << 16, chip.NEVER
+    s[layout.TMR0_ZERO] += phase * int(chip.ratio(s))
+    s[layout.TMR0], s[layout.OVERFLOW_AT] = 1 << 16, layout.NEVER

@@ -397,7 +397,10 @@ def test_the_checker_is_small_and_shares_nothing_with_the_prover() -> None:
         for name in re.findall(r"^ *(?:from|import) (servogen[\w.]*)", file.read_text(), re.M)
     }
     foreign = {name for name in imported if not name.startswith("servogen.checker")}
-    assert foreign == {"servogen.errors", "servogen.pic.image", "servogen.pic.isa", "servogen.units"}
+    of_the_chip = {"servogen.pic.image", "servogen.pic.isa"}
+    assert foreign == {"servogen.errors", "servogen.native", "servogen.units"} | of_the_chip
+    chip = (ROOT / "servogen" / "checker" / "chip.c").read_text()
+    assert re.findall("#include (.*)", chip) == ["<stdbool.h>", "<stdint.h>", '"layout.h"']
 
 
 def test_the_command_says_valid_refused_or_bad_input(

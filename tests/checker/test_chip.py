@@ -10,8 +10,8 @@ import random
 import numpy as np
 import pytest
 
-from servogen.checker import chip
-from servogen.checker.chip import NEVER, UNKNOWN
+from servogen.checker import chip, layout
+from servogen.checker.layout import NEVER, UNKNOWN
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
 from tests.checker import lockstep
@@ -20,7 +20,7 @@ from tests.checker.lockstep import NO_EDGES
 MOVES = 1 << 16
 GIE, EEIE, T0IE, INTE, RBIE, T0IF, INTF, RBIF = (0x80 >> bit for bit in range(8))
 """INTCON from bit 7 down: DS35007 register 2-3."""
-NOTHING = chip.ChipSurroundings(
+NOTHING = layout.ChipSurroundings(
     limit=NEVER, period=NEVER, channels=0, buttons=0, held=0, levels=0, watchdog=0
 )
 AT = 100
@@ -35,24 +35,26 @@ def edges(*rows: tuple[int, int]) -> tuple[chip.Ints, chip.Ints]:
 
 def resting(**slots: int) -> chip.Ints:
     """Return a chip in cycle 100 with everything known to be 0, no event due, and these slots."""
-    s = np.zeros(chip.SLOTS, dtype=np.int64)
-    s[[chip.OVERFLOW_AT, chip.REQUESTED, chip.TIME_OUT_AT, chip.WRITTEN_BY, chip.DARK_UNTIL]] = NEVER
-    s[[chip.DECLINED, chip.UNFINISHED]] = -1
-    s[chip.FRAME], s[chip.CHOSEN], s[chip.CYCLE] = chip.BEFORE, UNKNOWN, AT
-    s[chip.OPTION] = chip.PSA
+    s = np.zeros(layout.SLOTS, dtype=np.int64)
+    s[[layout.OVERFLOW_AT, layout.REQUESTED, layout.TIME_OUT_AT, layout.WRITTEN_BY, layout.DARK_UNTIL]] = (
+        NEVER
+    )
+    s[[layout.DECLINED, layout.UNFINISHED]] = -1
+    s[layout.FRAME], s[layout.CHOSEN], s[layout.CYCLE] = layout.BEFORE, UNKNOWN, AT
+    s[layout.OPTION] = layout.PSA
     for name, value in slots.items():
-        s[getattr(chip, name)] = value
+        s[getattr(layout, name)] = value
     return s
 
 
 # Pins -----------------------------------------------------------------------------------------------------
 
 
-def read_pin(s: chip.Ints, board: chip.ChipSurroundings, pin: int) -> int | None:
+def read_pin(s: chip.Ints, board: layout.ChipSurroundings, pin: int) -> int | None:
     """Return the level of one pin (bit of a 13-bit word), None if it is unknown."""
-    port, bit = (chip.PORTA, pin) if pin < 5 else (chip.PORTB, pin - 5)
+    port, bit = (layout.PORTA, pin) if pin < 5 else (layout.PORTB, pin - 5)
     latch, doubt = int(s[port]) >> bit & 1, int(s[port]) >> 8 + bit & 1
-    output = not int(s[port + chip.BANK_1]) >> bit & 1
+    output = not int(s[port + layout.BANK_1]) >> bit & 1
     if output and pin == 4 and latch and not board.channels >> 4 & 1:
         output = False  # an open drain: DS35007 section 4.1
     if output:
@@ -65,14 +67,14 @@ def test_a_port_is_read_pin_by_pin() -> None:
     word = 0x1FFF
     for _ in range(300):
         s = resting()
-        for port, mask in ((chip.PORTA, 0x1F), (chip.PORTB, 0xFF)):
+        for port, mask in ((layout.PORTA, 0x1F), (layout.PORTB, 0xFF)):
             doubt = rng.getrandbits(8) & rng.getrandbits(8) & mask
             s[port] = rng.getrandbits(8) & mask & ~doubt | doubt << 8
-            s[port + chip.BANK_1] = rng.getrandbits(8) & mask
+            s[port + layout.BANK_1] = rng.getrandbits(8) & mask
         board = NOTHING._replace(
             channels=rng.getrandbits(13), held=rng.getrandbits(13) & word, levels=rng.getrandbits(13)
         )
-        for port, first, count in ((chip.PORTA, 0, 5), (chip.PORTB, 5, 8)):
+        for port, first, count in ((layout.PORTA, 0, 5), (layout.PORTB, 5, 8)):
             cell = chip.read(s, board, port, AT)
             assert cell >> 8 & cell & 0xFF == 0
             found = [None if cell >> 8 + bit & 1 else cell >> bit & 1 for bit in range(8)]
@@ -82,20 +84,20 @@ def test_a_port_is_read_pin_by_pin() -> None:
 
 def test_registers_beside_the_ports_are_read_as_they_are() -> None:
     s = resting(PC=0x1FE, FSR=0x12, EEDATA=0x3400, PCLATH=0x15, TMR0_ZERO=90, EECON1=0x0800, OPTION=0xC8)
-    assert chip.read(s, NOTHING, chip.PCL, AT) == 0xFF  # of the next instruction
-    s[chip.PC] = 0x1FF
-    assert chip.read(s, NOTHING, chip.PCL, AT) == 0
+    assert chip.read(s, NOTHING, layout.PCL, AT) == 0xFF  # of the next instruction
+    s[layout.PC] = 0x1FF
+    assert chip.read(s, NOTHING, layout.PCL, AT) == 0
     for name in ("FSR", "EEDATA", "PCLATH", "EECON1", "OPTION"):
-        assert chip.read(s, NOTHING, getattr(chip, name), AT) == s[getattr(chip, name)]
-    assert chip.read(s, NOTHING, chip.TMR0, AT) == 10
-    assert chip.read(s, NOTHING, chip.NOWHERE, AT) == 0
+        assert chip.read(s, NOTHING, getattr(layout, name), AT) == s[getattr(layout, name)]
+    assert chip.read(s, NOTHING, layout.TMR0, AT) == 10
+    assert chip.read(s, NOTHING, layout.NOWHERE, AT) == 0
 
 
 @pytest.mark.parametrize(("timer", "doubt"), [(0, 0), (UNKNOWN, T0IF), (MOVES, T0IF)])
 def test_a_flag_that_is_set_stays_so_and_t0if_is_unknown_where_tmr0_is(timer: int, doubt: int) -> None:
     for intcon, its_doubt in ((0xF8, 3), (0x07, 0), (0x00, 7), (0xA4, 3), (0x80, T0IF | 3)):
         s = resting(INTCON=intcon | its_doubt << 8, TMR0=timer)
-        cell = chip.read(s, NOTHING, chip.INTCON, AT)
+        cell = chip.read(s, NOTHING, layout.INTCON, AT)
         unknown = (doubt & ~intcon) | its_doubt
         assert cell == intcon & ~unknown | unknown << 8
 
@@ -108,31 +110,31 @@ def test_tmr0_counts_once_in_2_to_256_cycles_from_the_third_after_a_write(ps: in
     """DS35007 section 5 and register 2-2; the cycle in which T0IF is seen: DS30430 figure 6-4."""
     ratio = 2 << ps
     s = resting(OPTION=ps)
-    assert chip.write(s, np.zeros(66, np.int64), NOTHING, chip.TMR0, AT, 250) == chip.GOES_ON
+    assert chip.write(s, np.zeros(66, np.int64), NOTHING, layout.TMR0, AT, 250) == layout.GOES_ON
     counts = AT + 3
     for cycle in (*range(AT + 1, counts + 1), counts + ratio - 1):
         assert chip.timer(s, cycle) == 250
     for n in (1, 5, 6, 261, 262):
         assert chip.timer(s, counts + n * ratio) == (250 + n) % 256
         assert chip.timer(s, counts + n * ratio - 1) == (249 + n) % 256
-    assert s[chip.OVERFLOW_AT] == counts + 6 * ratio - 1
-    s[chip.CYCLE] = s[chip.OVERFLOW_AT] - 1
+    assert s[layout.OVERFLOW_AT] == counts + 6 * ratio - 1
+    s[layout.CYCLE] = s[layout.OVERFLOW_AT] - 1
     chip.events(s, NO_EDGES, NOTHING)
-    assert s[chip.INTCON] == 0
-    s[chip.CYCLE] += 1
+    assert s[layout.INTCON] == 0
+    s[layout.CYCLE] += 1
     chip.events(s, NO_EDGES, NOTHING)
-    assert s[chip.INTCON] == T0IF
-    assert s[chip.OVERFLOW_AT] == counts + (6 + 256) * ratio - 1
+    assert s[layout.INTCON] == T0IF
+    assert s[layout.OVERFLOW_AT] == counts + (6 + 256) * ratio - 1
 
 
 def test_a_write_of_tmr0_whose_count_was_unknown_leaves_t0if_unknown() -> None:
     for before in (UNKNOWN, MOVES):
         s = resting(TMR0=before, INTCON=T0IE)
-        chip.write(s, np.zeros(66, np.int64), NOTHING, chip.TMR0, AT, 5)
-        assert s[chip.INTCON] == T0IE | T0IF << 8
+        chip.write(s, np.zeros(66, np.int64), NOTHING, layout.TMR0, AT, 5)
+        assert s[layout.INTCON] == T0IE | T0IF << 8
     s = resting(INTCON=T0IE | T0IF)
-    chip.write(s, np.zeros(66, np.int64), NOTHING, chip.TMR0, AT, 5)
-    assert s[chip.INTCON] == T0IE | T0IF
+    chip.write(s, np.zeros(66, np.int64), NOTHING, layout.TMR0, AT, 5)
+    assert s[layout.INTCON] == T0IE | T0IF
 
 
 @pytest.mark.parametrize("bit", range(8))
@@ -142,9 +144,11 @@ def test_a_change_of_tmr0s_clock_makes_its_count_unknown_and_other_bits_of_optio
 ) -> None:
     """T0CS is bit 5, PSA 3, PS2 to PS0 are 2 to 0: DS35007 register 2-2."""
     s = resting(OPTION=before, TMR0_FROM=40, TMR0_ZERO=50, OVERFLOW_AT=900)
-    assert chip.write(s, np.zeros(66, np.int64), NOTHING, chip.OPTION, AT, before ^ 1 << bit) == chip.GOES_ON
-    assert s[chip.OPTION] == before ^ 1 << bit
-    after = s[[chip.TMR0, chip.TMR0_FROM, chip.TMR0_ZERO, chip.OVERFLOW_AT]].tolist()
+    assert (
+        chip.write(s, np.zeros(66, np.int64), NOTHING, layout.OPTION, AT, before ^ 1 << bit) == layout.GOES_ON
+    )
+    assert s[layout.OPTION] == before ^ 1 << bit
+    after = s[[layout.TMR0, layout.TMR0_FROM, layout.TMR0_ZERO, layout.OVERFLOW_AT]].tolist()
     assert after == ([UNKNOWN, 0, 0, NEVER] if bit in (0, 1, 2, 3, 5) else [0, 40, 50, 900])
 
 
@@ -171,9 +175,9 @@ WATCHED = NOTHING._replace(watchdog=7000)
 def test_when_the_watchdog_of_some_chip_may_time_out(option: int, changed: int, cycle: int, due: int) -> None:
     s = resting(OPTION=option, CLEARED=60, TIME_OUT_AT=1)
     chip.plan_time_out(s, WATCHED, changed, cycle)
-    assert s[chip.TIME_OUT_AT] == due
+    assert s[layout.TIME_OUT_AT] == due
     chip.plan_time_out(s, NOTHING, changed, cycle)
-    assert s[chip.TIME_OUT_AT] == due  # no watchdog: nothing is planned
+    assert s[layout.TIME_OUT_AT] == due  # no watchdog: nothing is planned
 
 
 # Interrupts -----------------------------------------------------------------------------------------------
@@ -206,7 +210,7 @@ def test_an_interrupt_is_requested_by_gie_and_a_flag_with_its_enable_bit(
     s = resting(INTCON=intcon, REQUESTED=before)
     chip.request(s, 100)
     asked = any(intcon & bits == bits for bits in (0xA4, 0x92, 0x89))
-    assert s[chip.REQUESTED] == (requested if asked else otherwise)
+    assert s[layout.REQUESTED] == (requested if asked else otherwise)
 
 
 def test_an_interrupt_is_entered_three_cycles_after_it_was_sampled() -> None:
@@ -214,16 +218,25 @@ def test_an_interrupt_is_entered_three_cycles_after_it_was_sampled() -> None:
         s = resting(INTCON=GIE | T0IE | T0IF, REQUESTED=irq, PC=0x123, DEPTH=2)
         why = chip.events(s, NO_EDGES, NOTHING)
         if entered:
-            assert why == chip.INTERRUPTED
-            assert s[[chip.PC, chip.DEPTH, chip.STACK + 2, chip.STACK + 1]].tolist() == [4, 3, 0x123, 0]
-            assert s[[chip.CYCLE, chip.REQUESTED, chip.INTCON]].tolist() == [irq + 3, NEVER, T0IE | T0IF]
+            assert why == layout.INTERRUPTED
+            assert s[[layout.PC, layout.DEPTH, layout.STACK + 2, layout.STACK + 1]].tolist() == [
+                4,
+                3,
+                0x123,
+                0,
+            ]
+            assert s[[layout.CYCLE, layout.REQUESTED, layout.INTCON]].tolist() == [
+                irq + 3,
+                NEVER,
+                T0IE | T0IF,
+            ]
         else:
-            assert why == chip.GOES_ON
-            assert s[[chip.PC, chip.DEPTH, chip.CYCLE, chip.REQUESTED]].tolist() == [0x123, 2, AT, AT]
-            assert s[chip.NEXT_EVENT] == AT + 1
+            assert why == layout.GOES_ON
+            assert s[[layout.PC, layout.DEPTH, layout.CYCLE, layout.REQUESTED]].tolist() == [0x123, 2, AT, AT]
+            assert s[layout.NEXT_EVENT] == AT + 1
 
 
-@pytest.mark.parametrize(("depth", "why"), [(7, chip.INTERRUPTED), (8, chip.OVERFLOW)])
+@pytest.mark.parametrize(("depth", "why"), [(7, layout.INTERRUPTED), (8, layout.OVERFLOW)])
 def test_an_interrupt_needs_a_free_level_of_the_stack(depth: int, why: int) -> None:
     s = resting(INTCON=GIE | T0IE | T0IF, REQUESTED=AT - 1, DEPTH=depth)
     assert chip.events(s, NO_EDGES, NOTHING) == why
@@ -239,10 +252,10 @@ def test_an_interrupt_needs_a_free_level_of_the_stack(depth: int, why: int) -> N
         (GIE | T0IE, 0, 0, 0),
         (GIE | T0IE, UNKNOWN, 0, T0IF),
         (GIE | T0IE, MOVES, 0, T0IF),
-        (GIE, UNKNOWN, chip.WR, 0),
+        (GIE, UNKNOWN, layout.WR, 0),
         (GIE | EEIE, 0, 0, 0),
-        (GIE | EEIE, 0, chip.WR, chip.WRITE_OVER),
-        (EEIE, 0, chip.WR, 0),
+        (GIE | EEIE, 0, layout.WR, layout.WRITE_OVER),
+        (EEIE, 0, layout.WR, 0),
     ],
 )
 def test_a_flag_that_may_be_set_in_an_instruction_may_interrupt_after_it(
@@ -250,16 +263,16 @@ def test_a_flag_that_may_be_set_in_an_instruction_may_interrupt_after_it(
 ) -> None:
     """After the instruction, and once only, and also if the instruction clears GIE (DS30430 figure 8-17)."""
     s = resting(INTCON=intcon | 0x0300, TMR0=timer, EECON1=eecon1)
-    assert chip.events(s, NO_EDGES, NOTHING) == chip.GOES_ON
-    assert s[chip.DOUBTED] == doubted
-    assert bool(s[chip.NEXT_EVENT] == AT) is (doubted != 0)
-    assert chip.events(s, NO_EDGES, NOTHING) == chip.GOES_ON, "of this boundary it was asked"
-    s[chip.CYCLE] += 1
-    s[chip.INTCON] &= ~GIE
-    assert chip.events(s, NO_EDGES, NOTHING) == (chip.MAY_INTERRUPT if doubted else chip.GOES_ON)
-    s[chip.DECLINED] = s[chip.CYCLE]
-    assert chip.events(s, NO_EDGES, NOTHING) == chip.GOES_ON
-    assert s[chip.DOUBTED] == 0
+    assert chip.events(s, NO_EDGES, NOTHING) == layout.GOES_ON
+    assert s[layout.DOUBTED] == doubted
+    assert bool(s[layout.NEXT_EVENT] == AT) is (doubted != 0)
+    assert chip.events(s, NO_EDGES, NOTHING) == layout.GOES_ON, "of this boundary it was asked"
+    s[layout.CYCLE] += 1
+    s[layout.INTCON] &= ~GIE
+    assert chip.events(s, NO_EDGES, NOTHING) == (layout.MAY_INTERRUPT if doubted else layout.GOES_ON)
+    s[layout.DECLINED] = s[layout.CYCLE]
+    assert chip.events(s, NO_EDGES, NOTHING) == layout.GOES_ON
+    assert s[layout.DOUBTED] == 0
 
 
 # Events in order ------------------------------------------------------------------------------------------
@@ -280,24 +293,24 @@ def test_a_flag_that_may_be_set_in_an_instruction_may_interrupt_after_it(
 )
 def test_the_next_event_is_the_earliest(slots: dict[str, int], limits: dict[str, int], due: int) -> None:
     s = resting(**slots)
-    assert chip.events(s, NO_EDGES, NOTHING._replace(**limits)) == chip.GOES_ON
-    assert s[chip.NEXT_EVENT] == due
+    assert chip.events(s, NO_EDGES, NOTHING._replace(**limits)) == layout.GOES_ON
+    assert s[layout.NEXT_EVENT] == due
 
 
 @pytest.mark.parametrize(
     ("slots", "limits", "why"),
     [
-        ({"TIME_OUT_AT": AT}, {}, chip.WATCHED),
-        ({"TIME_OUT_AT": AT + 1}, {}, chip.GOES_ON),
-        ({"DARK_UNTIL": AT - 1}, {}, chip.DARK_PIN),
-        ({"DARK_UNTIL": AT}, {}, chip.GOES_ON),
-        ({}, {"limit": AT}, chip.TOO_LONG),
-        ({}, {"limit": AT + 1}, chip.GOES_ON),
-        ({"FRAME": 60}, {"period": 40}, chip.NEW_FRAME),
-        ({"FRAME": 60}, {"period": 41}, chip.GOES_ON),
-        ({"FRAME": chip.BEFORE}, {"period": 1}, chip.GOES_ON),
-        ({"TIME_OUT_AT": AT, "DARK_UNTIL": AT - 1}, {}, chip.WATCHED),
-        ({"REQUESTED": AT - 1, "FRAME": 60}, {"period": 40}, chip.NEW_FRAME),  # then the interrupt
+        ({"TIME_OUT_AT": AT}, {}, layout.WATCHED),
+        ({"TIME_OUT_AT": AT + 1}, {}, layout.GOES_ON),
+        ({"DARK_UNTIL": AT - 1}, {}, layout.DARK_PIN),
+        ({"DARK_UNTIL": AT}, {}, layout.GOES_ON),
+        ({}, {"limit": AT}, layout.TOO_LONG),
+        ({}, {"limit": AT + 1}, layout.GOES_ON),
+        ({"FRAME": 60}, {"period": 40}, layout.NEW_FRAME),
+        ({"FRAME": 60}, {"period": 41}, layout.GOES_ON),
+        ({"FRAME": layout.BEFORE}, {"period": 1}, layout.GOES_ON),
+        ({"TIME_OUT_AT": AT, "DARK_UNTIL": AT - 1}, {}, layout.WATCHED),
+        ({"REQUESTED": AT - 1, "FRAME": 60}, {"period": 40}, layout.NEW_FRAME),  # then the interrupt
     ],
 )
 def test_a_run_stops_in_the_cycle_in_which_something_is_due(
@@ -306,16 +319,16 @@ def test_a_run_stops_in_the_cycle_in_which_something_is_due(
     assert chip.events(resting(**slots), NO_EDGES, NOTHING._replace(**limits)) == why
 
 
-@pytest.mark.parametrize(("edge", "cycle", "why"), [(0, 39, chip.MISSING), (0, 40, chip.GOES_ON),
-                                                     (1, 20, chip.GOES_ON), (1, 19, chip.MISSING),
-                                                     (2, 5, chip.GOES_ON)])  # fmt: skip
+@pytest.mark.parametrize(("edge", "cycle", "why"), [(0, 39, layout.MISSING), (0, 40, layout.GOES_ON),
+                                                     (1, 20, layout.GOES_ON), (1, 19, layout.MISSING),
+                                                     (2, 5, layout.GOES_ON)])  # fmt: skip
 def test_an_edge_is_missing_one_cycle_after_it_was_due(edge: int, cycle: int, why: int) -> None:
     """The frame began in cycle 60: an edge in its cycle 40 is made by the instruction of cycle 100."""
     at, _ = edges((cycle if edge == 0 else 0, 1), (max(cycle, 30) if edge == 0 else cycle, 0))
     s = resting(FRAME=60, EDGE=edge, CYCLE=AT if edge != 1 else 80)
     assert chip.events(s, at, NOTHING._replace(period=200)) == why
-    if why == chip.GOES_ON:
-        assert s[chip.NEXT_EVENT] == (60 + int(at[edge]) + 1 if edge < 2 else 260)
+    if why == layout.GOES_ON:
+        assert s[layout.NEXT_EVENT] == (60 + int(at[edge]) + 1 if edge < 2 else 260)
 
 
 # What is driven -------------------------------------------------------------------------------------------
@@ -333,49 +346,49 @@ def test_the_first_rise_of_any_output_begins_the_frame(pin: int) -> None:
     slots = {"PORTA": level & 0x1F, "PORTB": level >> 5}
     due = edges((7, level), (9, 0))
     why, s = drive(*due, **slots)
-    assert (why, s[chip.FRAME], s[chip.EDGE]) == (chip.GOES_ON, AT - 7, 1)
+    assert (why, s[layout.FRAME], s[layout.EDGE]) == (layout.GOES_ON, AT - 7, 1)
     wrong, s = drive(*edges((7, 3 << 11 if pin < 11 else 3), (9, 0)), **slots)
-    assert (wrong, s[chip.EDGE]) == (chip.WRONG_EDGE, 0)
+    assert (wrong, s[layout.EDGE]) == (layout.WRONG_EDGE, 0)
     inputs = {"TRISA": level & 0x1F, "TRISB": level >> 5}
     why, s = drive(*due, **slots, **inputs)  # nothing is driven yet
-    assert (why, s[chip.FRAME]) == (chip.GOES_ON, chip.BEFORE)
+    assert (why, s[layout.FRAME]) == (layout.GOES_ON, layout.BEFORE)
     why, s = drive(*due, channels=level, FRAME=93, EDGE=1, **slots, **inputs)
-    assert why == chip.DARK_PIN  # a servo's pin must stay an output
-    assert drive(*edges(), channels=level, FRAME=93, **inputs)[0] == chip.DARK_PIN
-    assert drive(*edges(), channels=0x1FFF & ~level, FRAME=93, **inputs)[0] == chip.GOES_ON
+    assert why == layout.DARK_PIN  # a servo's pin must stay an output
+    assert drive(*edges(), channels=level, FRAME=93, **inputs)[0] == layout.DARK_PIN
+    assert drive(*edges(), channels=0x1FFF & ~level, FRAME=93, **inputs)[0] == layout.GOES_ON
 
 
 @pytest.mark.parametrize(
     ("frame", "edge", "level", "why", "after"),
     [
-        (90, 0, 1, chip.GOES_ON, 1),
-        (89, 0, 1, chip.WRONG_EDGE, 0),  # a cycle late
-        (91, 0, 1, chip.WRONG_EDGE, 0),  # a cycle early
-        (90, 0, 2, chip.WRONG_EDGE, 0),
-        (90, 0, 0, chip.GOES_ON, 0),  # nothing changes
-        (90, 1, 1, chip.GOES_ON, 1),
-        (90, 1, 0, chip.WRONG_EDGE, 1),
-        (70, 1, 0, chip.GOES_ON, 2),
-        (70, 2, 0, chip.GOES_ON, 2),
-        (70, 2, 1, chip.WRONG_EDGE, 2),  # one more than all
+        (90, 0, 1, layout.GOES_ON, 1),
+        (89, 0, 1, layout.WRONG_EDGE, 0),  # a cycle late
+        (91, 0, 1, layout.WRONG_EDGE, 0),  # a cycle early
+        (90, 0, 2, layout.WRONG_EDGE, 0),
+        (90, 0, 0, layout.GOES_ON, 0),  # nothing changes
+        (90, 1, 1, layout.GOES_ON, 1),
+        (90, 1, 0, layout.WRONG_EDGE, 1),
+        (70, 1, 0, layout.GOES_ON, 2),
+        (70, 2, 0, layout.GOES_ON, 2),
+        (70, 2, 1, layout.WRONG_EDGE, 2),  # one more than all
     ],
 )
 def test_an_edge_must_be_the_next_one_and_in_its_cycle(
     frame: int, edge: int, level: int, why: int, after: int
 ) -> None:
     found, s = drive(*edges((10, 1), (30, 0)), FRAME=frame, EDGE=edge, PORTA=level)
-    assert (found, s[chip.EDGE], s[chip.FRAME]) == (why, after, frame)
+    assert (found, s[layout.EDGE], s[layout.FRAME]) == (why, after, frame)
 
 
 def test_an_unknown_level_may_be_driven_for_ten_cycles_before_the_first_pulse_only() -> None:
     for slots in ({"PORTA": 0x0200}, {"PORTB": 0x8000}):
         why, s = drive(*edges((0, 1)), **slots)
-        assert (why, s[chip.DARK_UNTIL]) == (chip.GOES_ON, AT + 10)
+        assert (why, s[layout.DARK_UNTIL]) == (layout.GOES_ON, AT + 10)
         why, s = drive(*edges((0, 1)), DARK_UNTIL=AT + 3, **slots)
-        assert s[chip.DARK_UNTIL] == AT + 3  # since it began
-        assert drive(*edges((0, 1)), FRAME=90, **slots)[0] == chip.DARK_PIN
+        assert s[layout.DARK_UNTIL] == AT + 3  # since it began
+        assert drive(*edges((0, 1)), FRAME=90, **slots)[0] == layout.DARK_PIN
         why, s = drive(*edges((0, 1)), TRISA=0x02, TRISB=0x80, DARK_UNTIL=AT + 3, **slots)
-        assert (why, s[chip.DARK_UNTIL]) == (chip.GOES_ON, NEVER)
+        assert (why, s[layout.DARK_UNTIL]) == (layout.GOES_ON, NEVER)
 
 
 # Writes ---------------------------------------------------------------------------------------------------
@@ -386,11 +399,11 @@ def test_eecon1_keeps_eeif_wrerr_and_wren_and_starts_no_write_without_the_keys()
     cells = np.arange(66) + 0x40
     for value in range(256):
         s = resting(EEADR=0x3F, EEDATA=0x11, EECON1=0x0800)
-        why = chip.write(s, cells, NOTHING, chip.EECON1, AT, value)
-        assert why == (chip.SEQUENCE if value & 0x02 else chip.GOES_ON)
-        if why == chip.GOES_ON:
-            assert s[chip.EECON1] == value & 0x1C
-            assert s[chip.EEDATA] == (0x7F if value & 1 else 0x11)
+        why = chip.write(s, cells, NOTHING, layout.EECON1, AT, value)
+        assert why == (layout.SEQUENCE if value & 0x02 else layout.GOES_ON)
+        if why == layout.GOES_ON:
+            assert s[layout.EECON1] == value & 0x1C
+            assert s[layout.EEDATA] == (0x7F if value & 1 else 0x11)
 
 
 @pytest.mark.parametrize(
@@ -411,81 +424,81 @@ def test_a_write_begins_after_its_keys_in_their_cycles(
 ) -> None:
     """DS35007 section 3.2: MOVLW between the keys, nothing before WR, WREN already set."""
     cells, around = np.zeros(66, np.int64), NOTHING._replace(longest_write=20_000)
-    s = resting(EECON1=chip.WREN if wren else 0)
-    chip.write(s, cells, around, chip.EECON2, AT, first)
-    chip.write(s, cells, around, chip.EECON2, AT + between, second)
+    s = resting(EECON1=layout.WREN if wren else 0)
+    chip.write(s, cells, around, layout.EECON2, AT, first)
+    chip.write(s, cells, around, layout.EECON2, AT + between, second)
     when = AT + between + before
-    why = chip.write(s, cells, around, chip.EECON1, when, chip.WREN | chip.WR)
-    assert (why == chip.GOES_ON) is begins
-    assert cells[chip.EEPROM_WRITTEN] == begins
+    why = chip.write(s, cells, around, layout.EECON1, when, layout.WREN | layout.WR)
+    assert (why == layout.GOES_ON) is begins
+    assert cells[layout.EEPROM_WRITTEN] == begins
     if begins:
-        assert s[chip.WRITTEN_BY] == when + 1 + 20_000
-        chip.write(s, cells, around, chip.EECON1, when + 1, 0)
-        assert s[chip.EECON1] == chip.WR, "it cannot be cleared"
-        s[chip.CYCLE] = s[chip.WRITTEN_BY] - 1
+        assert s[layout.WRITTEN_BY] == when + 1 + 20_000
+        chip.write(s, cells, around, layout.EECON1, when + 1, 0)
+        assert s[layout.EECON1] == layout.WR, "it cannot be cleared"
+        s[layout.CYCLE] = s[layout.WRITTEN_BY] - 1
         chip.events(s, NO_EDGES, around)
-        assert s[chip.EECON1] == chip.WR
-        s[chip.CYCLE] += 1
+        assert s[layout.EECON1] == layout.WR
+        s[layout.CYCLE] += 1
         chip.events(s, NO_EDGES, around)
-        assert (s[chip.EECON1], s[chip.WRITTEN_BY]) == (chip.EEIF, NEVER)
+        assert (s[layout.EECON1], s[layout.WRITTEN_BY]) == (layout.EEIF, NEVER)
 
 
 @pytest.mark.parametrize(("address", "byte"), [(0, 0x40), (63, 0x7F), (64, UNKNOWN), (0xFF, UNKNOWN),
                                                (0x0100, UNKNOWN), (3 | MOVES, UNKNOWN)])  # fmt: skip
 def test_a_cell_of_the_eeprom_is_read_at_a_known_address_below_64(address: int, byte: int) -> None:
     s = resting(EEADR=address)
-    assert chip.write(s, np.arange(66) + 0x40, NOTHING, chip.EECON1, AT, 1) == chip.GOES_ON
-    assert s[chip.EEDATA] == byte
-    assert chip.write(s, np.arange(66) + 0x40, NOTHING, chip.EECON1, AT, 0x0800) == chip.GOES_ON
-    assert s[chip.EECON1] == 0x0800
+    assert chip.write(s, np.arange(66) + 0x40, NOTHING, layout.EECON1, AT, 1) == layout.GOES_ON
+    assert s[layout.EEDATA] == byte
+    assert chip.write(s, np.arange(66) + 0x40, NOTHING, layout.EECON1, AT, 0x0800) == layout.GOES_ON
+    assert s[layout.EECON1] == 0x0800
 
 
 def test_intcon_is_written_with_its_flags_and_may_request_an_interrupt_from_the_next_cycle() -> None:
     none = np.zeros(66, np.int64)
     for value in range(256):
         s = resting()
-        assert chip.write(s, none, NOTHING, chip.INTCON, AT, value) == chip.GOES_ON
-        assert s[chip.INTCON] == value | (3 & ~value) << 8  # the pins may set INTF and RBIF again at once
+        assert chip.write(s, none, NOTHING, layout.INTCON, AT, value) == layout.GOES_ON
+        assert s[layout.INTCON] == value | (3 & ~value) << 8  # the pins may set INTF and RBIF again at once
         asked = any(value & bits == bits for bits in (0xA4, 0x92, 0x89))
-        assert s[chip.REQUESTED] == (AT + 1 if asked else NEVER)
+        assert s[layout.REQUESTED] == (AT + 1 if asked else NEVER)
     s = resting()
-    assert chip.write(s, none, NOTHING, chip.INTCON, AT, 0xA0 | 0x0700) == chip.GOES_ON
-    assert s[chip.INTCON] == 0xA0 | 0x0700
+    assert chip.write(s, none, NOTHING, layout.INTCON, AT, 0xA0 | 0x0700) == layout.GOES_ON
+    assert s[layout.INTCON] == 0xA0 | 0x0700
 
 
 def test_other_registers_take_the_cell_and_what_does_not_exist_takes_nothing() -> None:
     none = np.zeros(66, np.int64)
-    for slot in (chip.FSR, chip.EEDATA, chip.EEADR):
+    for slot in (layout.FSR, layout.EEDATA, layout.EEADR):
         for cell in (0xA5, 0x0F | 0xA000, 0x12 | MOVES):
             s = resting()
-            assert chip.write(s, none, NOTHING, slot, AT, cell) == chip.GOES_ON
+            assert chip.write(s, none, NOTHING, slot, AT, cell) == layout.GOES_ON
             assert s[slot] == cell
     s = resting()
-    assert chip.write(s, none, NOTHING, chip.NOWHERE, AT, 0xA5) == chip.GOES_ON
+    assert chip.write(s, none, NOTHING, layout.NOWHERE, AT, 0xA5) == layout.GOES_ON
     assert np.array_equal(s, resting())
-    assert chip.write(s, none, NOTHING, chip.PCLATH, AT, 0xFF) == chip.GOES_ON
-    assert s[chip.PCLATH] == 0x1F
-    assert chip.write(s, none, NOTHING, chip.PCLATH, AT, 7 | MOVES) == chip.GOES_ON
-    assert s[chip.PCLATH] == 0x1F00
+    assert chip.write(s, none, NOTHING, layout.PCLATH, AT, 0xFF) == layout.GOES_ON
+    assert s[layout.PCLATH] == 0x1F
+    assert chip.write(s, none, NOTHING, layout.PCLATH, AT, 7 | MOVES) == layout.GOES_ON
+    assert s[layout.PCLATH] == 0x1F00
 
 
 def test_what_is_asked_is_the_lowest_unknown_bit() -> None:
     for bits in range(1, 256):
         s = resting()
-        assert chip.ask(s, 0x20, bits) == chip.FORK
+        assert chip.ask(s, 0x20, bits) == layout.FORK
         lowest = next(1 << bit for bit in range(8) if bits >> bit & 1)
-        assert s[[chip.ASKED, chip.ASKED_BIT]].tolist() == [0x20, lowest]
-    assert chip.ask(resting(), 0x20, 0x100) == chip.PHASE  # a byte that moves has no bits to ask for
+        assert s[[layout.ASKED, layout.ASKED_BIT]].tolist() == [0x20, lowest]
+    assert chip.ask(resting(), 0x20, 0x100) == layout.PHASE  # a byte that moves has no bits to ask for
 
 
 # Instructions ---------------------------------------------------------------------------------------------
 
 
 def run(
-    words: list[int], board: chip.ChipSurroundings | None = None, at: int = 0, **slots: int
+    words: list[int], board: layout.ChipSurroundings | None = None, at: int = 0, **slots: int
 ) -> tuple[int, chip.Ints, chip.Ints]:
     """Run words from cycle 100 on, for one instruction each. Returns why it stopped, the chip, and `used`."""
-    s, used = resting(PC=at, **slots), np.zeros(chip.SLOTS, dtype=np.int64)
+    s, used = resting(PC=at, **slots), np.zeros(layout.SLOTS, dtype=np.int64)
     held = lockstep.memory(Image(dict(enumerate(words, at))))
     return chip.run(s, used, *edges(), held, board or NOTHING._replace(limit=AT + len(words))), s, used
 
@@ -495,41 +508,41 @@ def test_a_jump_by_an_unknown_carry_is_followed_both_ways() -> None:
     for name, ways in (("RLF", (0x22, 0x23)), ("RRF", (0x08, 0x88))):
         word = [encode(name, f=2, d=1)]
         why, s, _ = run(word, at=0x10, STATUS=0x100)
-        assert (why, s[chip.ASKED], s[chip.ASKED_BIT]) == (chip.FORK, chip.STATUS, 1)
+        assert (why, s[layout.ASKED], s[layout.ASKED_BIT]) == (layout.FORK, layout.STATUS, 1)
         for carry, target in enumerate(ways):
-            assert run(word, at=0x10, STATUS=carry)[1][chip.PC] == target
+            assert run(word, at=0x10, STATUS=carry)[1][layout.PC] == target
 
 
 def test_option_and_tris_write_w() -> None:
     for word, slot, mask in (
-        (encode("OPTION"), chip.OPTION, 0xFF),
-        (encode("TRIS", f=5), chip.TRISA, 0x1F),
-        (encode("TRIS", f=6), chip.TRISB, 0xFF),
+        (encode("OPTION"), layout.OPTION, 0xFF),
+        (encode("TRIS", f=5), layout.TRISA, 0x1F),
+        (encode("TRIS", f=6), layout.TRISB, 0xFF),
     ):
         why, s, used = run([word], W=0xA5)
-        assert (why, s[slot], s[chip.PC]) == (chip.TOO_LONG, 0xA5 & mask, 1)
-        assert used[chip.W] == chip.READ
-        assert run([word], W=0x0100)[0] == chip.REGISTER
+        assert (why, s[slot], s[layout.PC]) == (layout.TOO_LONG, 0xA5 & mask, 1)
+        assert used[layout.W] == layout.READ
+        assert run([word], W=0x0100)[0] == layout.REGISTER
 
 
 @pytest.mark.parametrize(
     ("word", "slots", "slot", "bit"),
     [
-        (encode("MOVF", f=0), {"FSR": 0x0600}, chip.FSR, 0x02),
-        (encode("MOVF", f=1), {"STATUS": 0x2000}, chip.STATUS, 0x20),
+        (encode("MOVF", f=0), {"FSR": 0x0600}, layout.FSR, 0x02),
+        (encode("MOVF", f=1), {"STATUS": 0x2000}, layout.STATUS, 0x20),
         (encode("BTFSC", f=0x20, b=3), {"RAM": 0}, None, 0),
         (encode("BTFSC", f=0x0C, b=3), {"RAM": 0x0800}, 0x0C, 0x08),
         (encode("BTFSC", f=0x0C, b=3), {"RAM": 0xF700}, None, 0),
         (encode("DECFSZ", f=0x0C), {"RAM": 0x1801}, 0x0C, 0x08),
         (encode("DECFSZ", f=0x0C), {"RAM": 0x1800}, None, 0),  # 255, 247, 239 or 231
-        (encode("ADDWF", f=2, d=1), {"W": 0x3000}, chip.W, 0x10),
-        (encode("MOVWF", f=2), {"W": 5, "PCLATH": 0x0300}, chip.PCLATH, 0x01),
-        (encode("MOVWF", f=2), {"W": 5, "PCLATH": 0x0200}, chip.PCLATH, 0x02),
+        (encode("ADDWF", f=2, d=1), {"W": 0x3000}, layout.W, 0x10),
+        (encode("MOVWF", f=2), {"W": 5, "PCLATH": 0x0300}, layout.PCLATH, 0x01),
+        (encode("MOVWF", f=2), {"W": 5, "PCLATH": 0x0200}, layout.PCLATH, 0x02),
         (encode("MOVWF", f=2), {"W": 5, "PCLATH": 0x1C00}, None, 0),  # 1024 words have ten bits of address
-        (encode("BTFSS", f=5, b=2), {"TRISA": 0x04}, chip.CHOSEN, 0x04),
-        (encode("BTFSS", f=6, b=7), {"TRISB": 0x80}, chip.CHOSEN, 0x80),
-        (encode("BTFSS", f=11, b=1), {"INTCON": 0x0300}, chip.CHOSEN, 0x02),
-        (encode("BTFSS", f=1, b=1), {"TMR0": UNKNOWN}, chip.CHOSEN, 0x02),
+        (encode("BTFSS", f=5, b=2), {"TRISA": 0x04}, layout.CHOSEN, 0x04),
+        (encode("BTFSS", f=6, b=7), {"TRISB": 0x80}, layout.CHOSEN, 0x80),
+        (encode("BTFSS", f=11, b=1), {"INTCON": 0x0300}, layout.CHOSEN, 0x02),
+        (encode("BTFSS", f=1, b=1), {"TMR0": UNKNOWN}, layout.CHOSEN, 0x02),
     ],
 )
 def test_a_bit_that_decides_the_way_is_asked_for(
@@ -537,17 +550,17 @@ def test_a_bit_that_decides_the_way_is_asked_for(
 ) -> None:
     why, s, _ = run([word], **slots)
     if slot is None:
-        assert why == chip.TOO_LONG
+        assert why == layout.TOO_LONG
     else:
-        assert (why, s[chip.ASKED], s[chip.ASKED_BIT], s[chip.PC], s[chip.CYCLE]) == (
-            chip.FORK, slot, bit, 0, AT)  # fmt: skip
+        assert (why, s[layout.ASKED], s[layout.ASKED_BIT], s[layout.PC], s[layout.CYCLE]) == (
+            layout.FORK, slot, bit, 0, AT)  # fmt: skip
 
 
 @pytest.mark.parametrize("f", [*range(1, 0x10), 0x4F, 0x50, 0x7F])
 def test_the_bank_must_be_known_where_the_two_have_different_registers(f: int) -> None:
     """Alike in both: PCL, STATUS, FSR, PCLATH, INTCON and the RAM; not there in either: 07h, from 50h on."""
     alike = f in (2, 3, 4, 10, 11) or 0x0C <= f <= 0x4F or f in (7, 0x50, 0x7F)
-    assert (run([encode("MOVF", f=f, d=0)], STATUS=0x2000)[0] == chip.FORK) is not alike
+    assert (run([encode("MOVF", f=f, d=0)], STATUS=0x2000)[0] == layout.FORK) is not alike
 
 
 @pytest.mark.parametrize("pin", range(13))
@@ -557,44 +570,44 @@ def test_an_input_of_the_schedule_is_asked_for_as_a_button(pin: int) -> None:
     board = NOTHING._replace(limit=AT + 1, buttons=1 << pin)
     for word in (encode("BTFSC", f=f, b=bit), encode("MOVF", f=f, d=0)):
         why, s, _ = run([word], board, **inputs)
-        slot = chip.PORTA if f == 5 else chip.PORTB
-        assert (why, s[chip.ASKED], s[chip.ASKED_BIT]) == (chip.BUTTON, slot, 1 << bit)
+        slot = layout.PORTA if f == 5 else layout.PORTB
+        assert (why, s[layout.ASKED], s[layout.ASKED_BIT]) == (layout.BUTTON, slot, 1 << bit)
         answered = {"CHOSEN": UNKNOWN & ~(1 << bit << 8) | 1 << bit}
         why, s, _ = run([word], board, **inputs, **answered)
-        assert why == chip.TOO_LONG
+        assert why == layout.TOO_LONG
         if word == encode("MOVF", f=f, d=0):
             mask = 0x1F if f == 5 else 0xFF
-            assert s[chip.W] == 1 << bit | (mask & ~(1 << bit)) << 8
+            assert s[layout.W] == 1 << bit | (mask & ~(1 << bit)) << 8
         else:
-            assert s[chip.CYCLE] == AT + 1
-        assert s[chip.CHOSEN] == UNKNOWN  # for this instruction only
+            assert s[layout.CYCLE] == AT + 1
+        assert s[layout.CHOSEN] == UNKNOWN  # for this instruction only
     # A test of another bit, and a read that writes the port back, ask for nothing.
     other = encode("BTFSC", f=f, b=bit ^ 1)
-    assert run([other], board, **inputs)[1][chip.ASKED_BIT] == (
+    assert run([other], board, **inputs)[1][layout.ASKED_BIT] == (
         1 << (bit ^ 1) if bit ^ 1 < 5 or f == 6 else 0
     )
-    assert run([other], board, **inputs)[0] != chip.BUTTON
-    assert run([encode("MOVF", f=f, d=1)], board, **inputs)[0] != chip.BUTTON
+    assert run([other], board, **inputs)[0] != layout.BUTTON
+    assert run([encode("MOVF", f=f, d=1)], board, **inputs)[0] != layout.BUTTON
 
 
 def test_calls_and_returns_use_eight_levels() -> None:
     call = encode("CALL", k=0x155)
-    for depth, why in ((0, chip.TOO_LONG), (7, chip.TOO_LONG), (8, chip.OVERFLOW)):
+    for depth, why in ((0, layout.TOO_LONG), (7, layout.TOO_LONG), (8, layout.OVERFLOW)):
         found, s, _ = run([call], at=0x3FF, DEPTH=depth)
         assert found == why
-        if why == chip.TOO_LONG:
-            assert s[[chip.PC, chip.DEPTH, chip.STACK + depth, chip.CYCLE]].tolist() == [
+        if why == layout.TOO_LONG:
+            assert s[[layout.PC, layout.DEPTH, layout.STACK + depth, layout.CYCLE]].tolist() == [
                 0x155,
                 depth + 1,
                 0,
                 AT + 2,
             ]
-    for depth, why in ((0, chip.EMPTY), (1, chip.TOO_LONG), (8, chip.TOO_LONG)):
+    for depth, why in ((0, layout.EMPTY), (1, layout.TOO_LONG), (8, layout.TOO_LONG)):
         levels = {"STACK": 0x111} if depth == 1 else {}
         found, s, _ = run([encode("RETLW", k=0x77)], DEPTH=depth, **levels)
         assert found == why
         if depth == 1:
-            assert s[[chip.PC, chip.DEPTH, chip.STACK, chip.CYCLE, chip.W]].tolist() == [
+            assert s[[layout.PC, layout.DEPTH, layout.STACK, layout.CYCLE, layout.W]].tolist() == [
                 0x111,
                 0,
                 0,
@@ -605,34 +618,34 @@ def test_calls_and_returns_use_eight_levels() -> None:
 
 def test_clrwdt_restarts_the_watchdog_and_makes_to_and_pd_known() -> None:
     why, s, _ = run([encode("CLRWDT")], WATCHED._replace(limit=AT + 1), STATUS=0x1F00, OPTION=0x0A)
-    assert (why, s[chip.STATUS], s[chip.CLEARED]) == (chip.TOO_LONG, 0x18 | 0x0700, AT + 1)
-    assert s[chip.TIME_OUT_AT] == AT + 1 + 4 * 7000
+    assert (why, s[layout.STATUS], s[layout.CLEARED]) == (layout.TOO_LONG, 0x18 | 0x0700, AT + 1)
+    assert s[layout.TIME_OUT_AT] == AT + 1 + 4 * 7000
 
 
 def test_status_as_a_destination_keeps_to_and_pd_and_flags_of_the_instruction() -> None:
     """DS35007 section 2.3.1."""
     _, s, _ = run([encode("MOVWF", f=3)], W=0xE7, STATUS=0x08)
-    assert s[chip.STATUS] == 0xEF
+    assert s[layout.STATUS] == 0xEF
     _, s, _ = run([encode("CLRF", f=3)], STATUS=0xFB)
-    assert s[chip.STATUS] == 0x1F
+    assert s[layout.STATUS] == 0x1F
     _, s, _ = run([encode("MOVWF", f=3)], W=0xFF00, STATUS=0x08)
-    assert s[chip.STATUS] == 0x08 | 0xE700
+    assert s[layout.STATUS] == 0x08 | 0xE700
     _, s, _ = run([encode("MOVWF", f=3)], W=5 | MOVES, STATUS=0x10)
-    assert s[chip.STATUS] == 0x10 | 0xE700
+    assert s[layout.STATUS] == 0x10 | 0xE700
     _, s, _ = run([encode("IORWF", f=3, d=1)], W=0x47, STATUS=0x08)
-    assert s[chip.STATUS] == 0x48
+    assert s[layout.STATUS] == 0x48
 
 
 @pytest.mark.parametrize("f", [5, 6])
 def test_a_port_takes_unknown_bits_and_a_direction_none(f: int) -> None:
     inputs = {"TRISA": 0x1F, "TRISB": 0xFF}
     why, s, _ = run([encode("MOVWF", f=f)], W=0x0A | 0xF500, **inputs)
-    assert (why, s[f]) == (chip.TOO_LONG, 0x0A | (0x1500 if f == 5 else 0xF500))
-    assert run([encode("MOVWF", f=f)], W=5 | MOVES, **inputs)[0] == chip.REGISTER
+    assert (why, s[f]) == (layout.TOO_LONG, 0x0A | (0x1500 if f == 5 else 0xF500))
+    assert run([encode("MOVWF", f=f)], W=5 | MOVES, **inputs)[0] == layout.REGISTER
     bank_1 = {"STATUS": 0x20}
-    assert run([encode("MOVWF", f=f)], W=0x0100, **bank_1)[0] == chip.REGISTER
+    assert run([encode("MOVWF", f=f)], W=0x0100, **bank_1)[0] == layout.REGISTER
     why, s, _ = run([encode("MOVWF", f=f)], W=0xFF, **bank_1)
-    assert (why, s[f + chip.BANK_1]) == (chip.TOO_LONG, 0x1F if f == 5 else 0xFF)
+    assert (why, s[f + layout.BANK_1]) == (layout.TOO_LONG, 0x1F if f == 5 else 0xFF)
 
 
 def test_a_cut_is_passed_by_where_a_certificate_could_not_describe_the_state() -> None:
@@ -643,20 +656,22 @@ def test_a_cut_is_passed_by_where_a_certificate_could_not_describe_the_state() -
 
     def why(**slots: int) -> int:
         s = resting(**({"FRAME": 90} | slots))
-        board = NOTHING._replace(limit=int(s[chip.CYCLE]) + 1)
-        return int(chip.run(s, np.zeros(chip.SLOTS, dtype=np.int64), *edges(), held, board))
+        board = NOTHING._replace(limit=int(s[layout.CYCLE]) + 1)
+        return int(chip.run(s, np.zeros(layout.SLOTS, dtype=np.int64), *edges(), held, board))
 
-    assert why() == why(CYCLE=1, FRAME=0) == why(TMR0_FROM=AT) == why(FRAME=NEVER) == chip.CUT
-    passed = (why(CYCLE=0, FRAME=0), why(FRAME=chip.BEFORE), why(TMR0_FROM=AT + 1), why(REQUESTED=AT))
-    assert passed == (chip.TOO_LONG,) * 4
+    assert why() == why(CYCLE=1, FRAME=0) == why(TMR0_FROM=AT) == why(FRAME=NEVER) == layout.CUT
+    passed = (why(CYCLE=0, FRAME=0), why(FRAME=layout.BEFORE), why(TMR0_FROM=AT + 1), why(REQUESTED=AT))
+    assert passed == (layout.TOO_LONG,) * 4
 
 
 def test_the_last_edge_of_a_frame_stops_a_run_that_has_made_it() -> None:
     words = [encode("BSF", f=6, b=0), encode("NOP")]
     held = lockstep.memory(Image(dict(enumerate(words))))
     due = edges((10, 1 << 5))
-    for edge, port, expected in ((0, 0, chip.LAST_EDGE), (1, 1, chip.TOO_LONG)):
+    for edge, port, expected in ((0, 0, layout.LAST_EDGE), (1, 1, layout.TOO_LONG)):
         s = resting(FRAME=90, EDGE=edge, PORTB=port)
-        found = chip.run(s, np.zeros(chip.SLOTS, dtype=np.int64), *due, held, NOTHING._replace(limit=AT + 2))
+        found = chip.run(
+            s, np.zeros(layout.SLOTS, dtype=np.int64), *due, held, NOTHING._replace(limit=AT + 2)
+        )
         assert found == expected
-        assert s[chip.CYCLE] == (AT + 1 if edge == 0 else AT + 2)
+        assert s[layout.CYCLE] == (AT + 1 if edge == 0 else AT + 2)

@@ -9,13 +9,13 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 import pytest
-from numba import njit
 
-from servogen.checker import chip
+from servogen.checker import layout
 from servogen.pic.image import Image
 from servogen.pic.isa import INSTRUCTIONS, Opcode, encode
 
 pytest.importorskip("pypcode", reason="pypcode (extra `dev`) is not installed")
+from tests.checker.each import execute_each
 from tests.checker.lockstep import board, memory, power_up
 from tests.checker.pcode import LANGUAGES, Place, Semantics
 
@@ -32,24 +32,11 @@ DIFFERENCES = {
 }
 
 
-@njit
-def execute(start, held, board, inputs, out):
-    """Execute one instruction for each row (W, RAM, STATUS)."""
-    used, none = np.zeros(chip.SLOTS, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    for i in range(len(inputs)):
-        s = start.copy()
-        s[chip.W], s[RAM], s[chip.STATUS] = inputs[i]
-        chip.run(s, used, none, none, held, board)
-        out[i] = s[chip.W], s[RAM], s[chip.STATUS], s[chip.PC], s[chip.CYCLE], s[chip.INTCON] & 0x80
-
-
 def ours(word: int, inputs: Vector) -> Vector:
     s = power_up()
-    s[chip.PC], s[chip.DEPTH], s[chip.STACK] = ADDRESS, 1, 0x155
-    s[chip.FSR] = s[chip.PCLATH] = 0
-    out = np.zeros((len(inputs), 6), dtype=np.int64)
-    execute(s, memory(Image({ADDRESS: word})), board(1), inputs, out)
-    return out
+    s[layout.PC], s[layout.DEPTH], s[layout.STACK] = ADDRESS, 1, 0x155
+    s[layout.FSR] = s[layout.PCLATH] = 0
+    return execute_each(s, memory(Image({ADDRESS: word})), board(1), inputs)
 
 
 def words(row: Opcode) -> list[int]:

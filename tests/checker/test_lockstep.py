@@ -10,7 +10,7 @@ import os
 import numpy as np
 import pytest
 
-from servogen.checker import chip
+from servogen.checker import chip, layout
 from servogen.simulator.layout import ROWS
 from tests.checker.certify import image_of
 from tests.checker.lockstep import NO_EDGES, board, compare, memory, power_up, program
@@ -21,8 +21,8 @@ PROGRAMS = int(os.environ.get("SERVOGEN_LOCKSTEP_PROGRAMS", "12"))
 def test_every_register_of_the_simulator_has_its_slot() -> None:
     slots = chip.slot_table()
     held = [register for row in ROWS for register in row.registers]
-    assert [each.name for each in held if slots[each.address] == chip.NOWHERE] == []
-    assert slots[0x07] == slots[0x87] == chip.NOWHERE  # unimplemented: DS35007 figure 2-2
+    assert [each.name for each in held if slots[each.address] == layout.NOWHERE] == []
+    assert slots[0x07] == slots[0x87] == layout.NOWHERE  # unimplemented: DS35007 figure 2-2
 
 
 def test_every_state_of_the_simulator_is_within_the_checkers() -> None:
@@ -30,9 +30,9 @@ def test_every_state_of_the_simulator_is_within_the_checkers() -> None:
     assert sum(each.instructions for each in found) > 500 * PROGRAMS
     assert sum(each.asked for each in found) > 5 * PROGRAMS
     assert sum(each.phased for each in found) > PROGRAMS // 6
-    refused = {each.reason for each in found} - {chip.TOO_LONG}
-    assert chip.WRONG_EDGE not in refused
-    assert chip.MISSING not in refused
+    refused = {each.reason for each in found} - {layout.TOO_LONG}
+    assert layout.WRONG_EDGE not in refused
+    assert layout.MISSING not in refused
 
 
 def test_a_run_depends_on_no_byte_of_ram_but_those_that_it_reads_first() -> None:
@@ -43,20 +43,20 @@ def test_a_run_depends_on_no_byte_of_ram_but_those_that_it_reads_first() -> None
     for seed in range(PROGRAMS):
         rng = np.random.default_rng(seed)
         held = memory(program(seed))
-        ram = slice(chip.RAM, chip.RAM_END)
+        ram = slice(layout.RAM, layout.RAM_END)
         first = power_up()
         first[ram] = rng.integers(256, size=68)
-        first[rng.integers(chip.RAM, chip.RAM_END, size=4)] = chip.UNKNOWN
-        start, used = first.copy(), np.zeros(chip.SLOTS, dtype=np.int64)
+        first[rng.integers(layout.RAM, layout.RAM_END, size=4)] = layout.UNKNOWN
+        start, used = first.copy(), np.zeros(layout.SLOTS, dtype=np.int64)
         reason = chip.run(first, used, NO_EDGES, NO_EDGES, held, board(400))
-        for value in (0, 1, 255, chip.UNKNOWN):
+        for value in (0, 1, 255, layout.UNKNOWN):
             other = start.copy()
-            other[ram] = np.where(used[ram] & chip.READ, start[ram], value)
+            other[ram] = np.where(used[ram] & layout.READ, start[ram], value)
             before = other[ram].copy()
-            used_now = np.zeros(chip.SLOTS, dtype=np.int64)
+            used_now = np.zeros(layout.SLOTS, dtype=np.int64)
             assert chip.run(other, used_now, NO_EDGES, NO_EDGES, held, board(400)) == reason, seed
             assert np.array_equal(used, used_now), seed
-            assert np.array_equal(other[ram], np.where(used[ram] & chip.CHANGED, first[ram], before)), seed
+            assert np.array_equal(other[ram], np.where(used[ram] & layout.CHANGED, first[ram], before)), seed
             other[ram] = first[ram]
             assert np.array_equal(other, first), seed
             compared += int((used[ram] == 0).sum())
@@ -76,7 +76,7 @@ def test_a_run_depends_on_no_byte_of_ram_but_those_that_it_reads_first() -> None
 )
 def test_only_what_is_read_before_it_is_written_decides(decides: str, read: bool) -> None:
     image = image_of(f" list p=16f84\n org 0\n {decides}\n goto $\n")
-    s, used = power_up(), np.zeros(chip.SLOTS, dtype=np.int64)
+    s, used = power_up(), np.zeros(layout.SLOTS, dtype=np.int64)
     s[0x20] = 5
     chip.run(s, used, NO_EDGES, NO_EDGES, memory(image), board(100))
-    assert bool(used[0x20] & chip.READ) is read
+    assert bool(used[0x20] & layout.READ) is read

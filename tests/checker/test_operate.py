@@ -7,18 +7,19 @@ import random
 
 import numpy as np
 
-from servogen.checker import chip
+from servogen.checker import chip, layout
+from tests.checker.each import result_table
 from tests.checker.lockstep import board
 
-OPERATIONS = list(chip.OPERATIONS)
+OPERATIONS = list(layout.OPERATIONS)
 MOVES = 1 << 16
 
 
 def operate(name: str, a: int, x: int) -> tuple[int, int, int]:
     """The cell, the flags and the unknown flags."""
-    memo = np.full((chip.MEMO, 2), -1)
-    found = chip.operate(chip.result_table(), memo, OPERATIONS.index(name), a, x)
-    assert chip.operate(chip.result_table(), memo, OPERATIONS.index(name), a, x) == found  # remembered
+    memo = np.full((layout.MEMO, 2), -1)
+    found = chip.operate(memo, OPERATIONS.index(name), a, x)
+    assert chip.operate(memo, OPERATIONS.index(name), a, x) == found  # remembered
     return found & 0x1FFFF, found >> 24 & 7, found >> 32 & 7
 
 
@@ -55,7 +56,7 @@ def test_the_result_is_what_all_choices_have_in_common() -> None:
 
 
 def operate_known(name: str, a: int, x: int) -> tuple[int, int, int]:
-    word = int(chip.result_table()[OPERATIONS.index(name), x, a])
+    word = int(result_table()[OPERATIONS.index(name), x, a])
     return word & 0xFF, word >> 8, 0
 
 
@@ -65,10 +66,10 @@ def test_what_is_known_of_bytes_that_move_together() -> None:
         for other in (base, 0, 77):
             difference, _, doubt = operate("SUB", base | MOVES, other | MOVES)
             assert difference == (base - other) & 0xFF
-            assert doubt & chip.Z == 0
+            assert doubt & layout.Z == 0
             _, flags, doubt = operate("XOR", base | MOVES, other | MOVES)
-            assert flags & chip.Z == (chip.Z if base == other else 0)
-            assert doubt & chip.Z == 0
+            assert flags & layout.Z == (layout.Z if base == other else 0)
+            assert doubt & layout.Z == 0
     assert operate("ADD", 0x24 | MOVES, 5)[0] == 0x29 | MOVES
     assert operate("SUB", 0x24 | MOVES, 5)[0] == 0x1F | MOVES
     assert operate("SUB", 5, 0x24 | MOVES)[0] == 0xFF00
@@ -78,16 +79,16 @@ def test_additions_know_every_bit_that_no_carry_reaches() -> None:
     """By hand: 8 or 12, plus 4, is 12 or 16: bits 0, 1 and 5 to 7 are known, and that neither is 0."""
     cell, _, doubt = operate("ADD", 0x08 | 0x04 << 8, 0x04)
     assert (cell & 0xFF, cell >> 8) == (0x00, 0x1C)
-    assert doubt == chip.DC
+    assert doubt == layout.DC
 
 
 def test_ra4_is_known_where_the_program_pulls_it_low_or_the_board_holds_it() -> None:
     """An open drain: of an output at 1 the wire says what it is, of every other pin the latch."""
 
-    def read(latch: int, around: chip.ChipSurroundings) -> int:
-        state = np.zeros(chip.SLOTS, np.int64)
-        state[chip.PORTA] = latch
-        return chip.read(state, around, chip.PORTA, 0)
+    def read(latch: int, around: layout.ChipSurroundings) -> int:
+        state = np.zeros(layout.SLOTS, np.int64)
+        state[layout.PORTA] = latch
+        return chip.read(state, around, layout.PORTA, 0)
 
     free = board(1)
     assert read(0x01, free) == 0x01
@@ -99,40 +100,40 @@ def test_ra4_is_known_where_the_program_pulls_it_low_or_the_board_holds_it() -> 
 
 def written(slot: int, cell: int, option: int = 0) -> tuple[int, chip.Ints]:
     """Write a cell to a register in cycle 100. Returns the reason to stop, and the chip afterwards."""
-    state = np.zeros(chip.SLOTS, np.int64)
-    state[chip.OPTION] = option
+    state = np.zeros(layout.SLOTS, np.int64)
+    state[layout.OPTION] = option
     return chip.write(state, np.zeros(66, np.int64), board(1), slot, 100, cell), state
 
 
 def test_tmr0_is_known_after_a_known_byte_was_written_and_moves_after_one_that_moves() -> None:
     """Two cycles of inhibited counting, then one count every two cycles (DS35007 section 5)."""
     for cell, ten_later in [(7, 17), (250, 4), (7 | MOVES, 17 | MOVES)]:
-        _, state = written(chip.TMR0, cell)
+        _, state = written(layout.TMR0, cell)
         assert chip.timer(state, 103) == cell
         assert chip.timer(state, 103 + 10 * 2) == ten_later
-    _, state = written(chip.TMR0, 7, option=chip.PSA)  # undivided
+    _, state = written(layout.TMR0, 7, option=layout.PSA)  # undivided
     assert [chip.timer(state, cycle) for cycle in range(101, 106)] == [7, 7, 7, 8, 9]
     for unknown_bits in (0x01, 0x80, 0xFF):
-        _, state = written(chip.TMR0, unknown_bits << 8)
-        assert chip.timer(state, 123) == chip.UNKNOWN
-        assert state[chip.OVERFLOW_AT] == chip.NEVER, "no overflow of an unknown count can be foreseen"
-    _, state = written(chip.TMR0, 7, option=chip.T0CS)
-    assert chip.timer(state, 123) == chip.UNKNOWN, "it counts edges of RA4"
+        _, state = written(layout.TMR0, unknown_bits << 8)
+        assert chip.timer(state, 123) == layout.UNKNOWN
+        assert state[layout.OVERFLOW_AT] == layout.NEVER, "no overflow of an unknown count can be foreseen"
+    _, state = written(layout.TMR0, 7, option=layout.T0CS)
+    assert chip.timer(state, 123) == layout.UNKNOWN, "it counts edges of RA4"
 
 
 def test_an_overflow_is_foreseen_for_a_known_count_only() -> None:
     """From 254, two counts of two cycles after the inhibited ones; T0IF is seen one cycle ahead."""
-    assert written(chip.TMR0, 254)[1][chip.OVERFLOW_AT] == 103 + 2 * 2 - 1
-    assert written(chip.TMR0, 254 | MOVES)[1][chip.OVERFLOW_AT] == chip.NEVER
+    assert written(layout.TMR0, 254)[1][layout.OVERFLOW_AT] == 103 + 2 * 2 - 1
+    assert written(layout.TMR0, 254 | MOVES)[1][layout.OVERFLOW_AT] == layout.NEVER
 
 
 def test_registers_whose_unknown_bits_would_change_what_the_chip_does_are_not_written() -> None:
     """INTCON: only its three flags; EECON1: only WRERR; OPTION: none. PCLATH decides nothing by itself."""
-    allowed = {chip.INTCON: 0x07, chip.EECON1: 0x08, chip.OPTION: 0x00, chip.PCLATH: 0xFF}
+    allowed = {layout.INTCON: 0x07, layout.EECON1: 0x08, layout.OPTION: 0x00, layout.PCLATH: 0xFF}
     for slot, mask in allowed.items():
         for bit in range(8):
             reason, _ = written(slot, 1 << bit << 8)
-            assert (reason == chip.GOES_ON) == bool(mask >> bit & 1), (slot, bit)
-        assert (written(slot, 4 | MOVES)[0] == chip.GOES_ON) == (mask == 0xFF)
-    assert written(chip.PCLATH, 0x03 | 0x14 << 8)[1][chip.PCLATH] == 0x03 | 0x14 << 8
-    assert written(chip.PCLATH, 0xFF)[1][chip.PCLATH] == 0x1F  # five bits: DS35007 section 2.3.4
+            assert (reason == layout.GOES_ON) == bool(mask >> bit & 1), (slot, bit)
+        assert (written(slot, 4 | MOVES)[0] == layout.GOES_ON) == (mask == 0xFF)
+    assert written(layout.PCLATH, 0x03 | 0x14 << 8)[1][layout.PCLATH] == 0x03 | 0x14 << 8
+    assert written(layout.PCLATH, 0xFF)[1][layout.PCLATH] == 0x1F  # five bits: DS35007 section 2.3.4

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from servogen.checker import check, chip
+from servogen.checker import check, chip, layout
 from servogen.checker.certificate import (
     CELLS,
     FRAME_NUMBER,
@@ -23,7 +23,7 @@ from servogen.checker.certificate import (
     fingerprint,
 )
 from servogen.checker.check import COLUMNS, DUE, ORIGIN, Checker, Refused, check_certificate
-from servogen.checker.chip import NEVER, UNKNOWN
+from servogen.checker.layout import NEVER, UNKNOWN
 from servogen.checker.plan import PINS, Place, read_plan
 from servogen.errors import InputError
 from servogen.pic.image import Image
@@ -61,9 +61,11 @@ def test_a_number_is_within_its_range(claim: dict[str, Any], name: str) -> None:
     assert LARGEST.keys() == NUMBERS.keys()
     least = -1 if name == "frame" else 0
     for value in (least, LARGEST[name]):
-        states = certify.reread(one_state(claim, eecon1=chip.WR, **{name: value})).states
+        states = certify.reread(one_state(claim, eecon1=layout.WR, **{name: value})).states
         slot = NUMBERS[name][0]
-        assert states[0, slot] == (-value if slot in (chip.TMR0_ZERO, chip.CLEARED, chip.FRAME) else value)
+        assert states[0, slot] == (
+            -value if slot in (layout.TMR0_ZERO, layout.CLEARED, layout.FRAME) else value
+        )
     for value in (least - 1, LARGEST[name] + 1):
         with pytest.raises(InputError, match=f"column {name}"):
             certify.reread(one_state(claim, **{name: value}))
@@ -146,8 +148,8 @@ def test_a_column_is_one_value_or_the_differences(claim: dict[str, Any]) -> None
     two = claim | {"count": 2, "columns": {name: {"all": 0} for name in claim["columns"]}}
     two["columns"] |= {"pc": {"delta": [5, 7]}, "w": {"delta": [9, -4]}, "option": {"all": 3}}
     states = certify.reread(two).states
-    assert states[:, [chip.PC, chip.W, chip.OPTION]].tolist() == [[5, 9, 3], [12, 5, 3]]
-    assert states[:, [chip.REQUESTED, chip.DARK_UNTIL]].tolist() == [[NEVER, NEVER]] * 2
+    assert states[:, [layout.PC, layout.W, layout.OPTION]].tolist() == [[5, 9, 3], [12, 5, 3]]
+    assert states[:, [layout.REQUESTED, layout.DARK_UNTIL]].tolist() == [[NEVER, NEVER]] * 2
     for column in ({"delta": [5]}, {"delta": [5, 1, 1]}, {"delta": []}):
         with pytest.raises(InputError, match=r"column pc has \d values of 2"):
             certify.reread(two | {"columns": two["columns"] | {"pc": column}})
@@ -188,11 +190,13 @@ def started(of: Checker, listed: chip.Ints) -> chip.Ints:
 def row(**slots: int) -> chip.Ints:
     """Return a state in cycle 1000, with everything known to be 0 and no time-out due."""
     s = np.zeros(COLUMNS, dtype=np.int64)
-    s[chip.CYCLE], s[chip.OPTION] = 1000, chip.PSA
-    s[[chip.OVERFLOW_AT, chip.REQUESTED, chip.TIME_OUT_AT, chip.WRITTEN_BY, chip.DARK_UNTIL]] = NEVER
-    s[[chip.DECLINED, chip.UNFINISHED]] = -1
+    s[layout.CYCLE], s[layout.OPTION] = 1000, layout.PSA
+    s[[layout.OVERFLOW_AT, layout.REQUESTED, layout.TIME_OUT_AT, layout.WRITTEN_BY, layout.DARK_UNTIL]] = (
+        NEVER
+    )
+    s[[layout.DECLINED, layout.UNFINISHED]] = -1
     for name, value in slots.items():
-        s[getattr(chip, name)] = value
+        s[getattr(layout, name)] = value
     return s
 
 
@@ -201,7 +205,7 @@ def test_power_up_is_that_of_the_lockstep() -> None:
     of = checker()
     found = of._power_up()[0]
     expected = lockstep.power_up()
-    assert np.array_equal(found[: chip.SLOTS], expected)
+    assert np.array_equal(found[: layout.SLOTS], expected)
     assert found[[FRAME_NUMBER, ORIGIN, DUE]].tolist() == [0, -1, 0]
     assert of._places[found[PLACE]] == Place((1, 1, 0, 0))
 
@@ -211,17 +215,17 @@ def test_the_watchdog_is_on_by_its_bit_and_on_an_erased_chip(config: int | None,
     """7 ms at 4 MHz, times 128: OPTION_REG is FFh after a reset (DS35007 sections 6.1, 6.10)."""
     image = Image(PLAIN.program, config)
     power_up = checker(image=image)._power_up()[0]
-    assert power_up[chip.TIME_OUT_AT] == (due if due == NEVER else 128 * due)
+    assert power_up[layout.TIME_OUT_AT] == (due if due == NEVER else 128 * due)
 
 
 @pytest.mark.parametrize("clock_hz", [3_999_999, 4_000_000, 20_000_000])
 def test_the_watchdogs_period_is_a_whole_number_of_cycles_rounded_down(clock_hz: int) -> None:
     schedule = SCHEDULE.replace(b"4000000", str(clock_hz).encode())
     power_up = checker(schedule, certify.plain_program("0x3ff5"))._power_up()[0]
-    assert power_up[chip.TIME_OUT_AT] == 128 * (7 * clock_hz // 4000)
+    assert power_up[layout.TIME_OUT_AT] == 128 * (7 * clock_hz // 4000)
 
 
-@pytest.mark.parametrize("option", [*range(8), chip.PSA, chip.PSA | 7])
+@pytest.mark.parametrize("option", [*range(8), layout.PSA, layout.PSA | 7])
 def test_tmr0s_time_is_its_count_and_the_cycles_since_it_counted(option: int) -> None:
     """Listed and started again, a state reads the same from TMR0, and T0IF is due in the same cycle."""
     ratio = 1 if option & 8 else 2 << option
@@ -229,32 +233,32 @@ def test_tmr0s_time_is_its_count_and_the_cycles_since_it_counted(option: int) ->
                       (1000 - 600 * ratio - ratio // 2, 1000)):  # fmt: skip
         state = row(OPTION=option, TMR0_ZERO=zero, CYCLE=now, CLEARED=990, FRAME=800, TMR0_FROM=980)
         (listed,) = check._settled(state[None])
-        assert listed[chip.TMR0] == (now - zero) // ratio % 256
-        assert listed[chip.TMR0_ZERO] == -((now - zero) % ratio)
-        assert listed[[chip.CYCLE, chip.TMR0_FROM]].tolist() == [0, 0]
-        assert listed[[chip.CLEARED, chip.FRAME]].tolist() == [990 - now, 800 - now]
+        assert listed[layout.TMR0] == (now - zero) // ratio % 256
+        assert listed[layout.TMR0_ZERO] == -((now - zero) % ratio)
+        assert listed[[layout.CYCLE, layout.TMR0_FROM]].tolist() == [0, 0]
+        assert listed[[layout.CLEARED, layout.FRAME]].tolist() == [990 - now, 800 - now]
         again = started(checker(), listed)
         for later in (0, 1, ratio - 1, ratio, 300 * ratio + 1):
             assert chip.timer(again, later) == chip.timer(state, now + later)
         due = next(t for t in itertools.count(1) if (now + t + 1 - zero) % (256 * ratio) == 0)
-        assert again[chip.OVERFLOW_AT] == due
-        assert again[chip.TMR0] == 0
-        assert (again[chip.CHOSEN], again[chip.TIME_OUT_AT]) == (UNKNOWN, NEVER)
+        assert again[layout.OVERFLOW_AT] == due
+        assert again[layout.TMR0] == 0
+        assert (again[layout.CHOSEN], again[layout.TIME_OUT_AT]) == (UNKNOWN, NEVER)
 
 
 def test_times_that_never_come_stay_so_and_an_unknown_count_is_not_noted() -> None:
     for cell in (UNKNOWN, 7 | MOVES):
-        state = row(TMR0=cell & ~0xFF, TIME_OUT_AT=NEVER, FRAME=chip.BEFORE, TMR0_ZERO=993)
+        state = row(TMR0=cell & ~0xFF, TIME_OUT_AT=NEVER, FRAME=layout.BEFORE, TMR0_ZERO=993)
         (listed,) = check._settled(state[None])
-        assert listed[chip.TMR0] == cell
-        assert listed[[chip.TIME_OUT_AT, chip.FRAME]].tolist() == [NEVER, chip.BEFORE]
-        assert check._settled(row(FRAME=NEVER)[None])[0, chip.FRAME] == NEVER
+        assert listed[layout.TMR0] == cell
+        assert listed[[layout.TIME_OUT_AT, layout.FRAME]].tolist() == [NEVER, layout.BEFORE]
+        assert check._settled(row(FRAME=NEVER)[None])[0, layout.FRAME] == NEVER
         again = started(checker(), listed)
-        assert again[chip.OVERFLOW_AT] == NEVER
+        assert again[layout.OVERFLOW_AT] == NEVER
         assert chip.timer(again, 0) == cell
-    (counted,) = check._settled(row(OPTION=chip.T0CS | chip.PSA)[None])
+    (counted,) = check._settled(row(OPTION=layout.T0CS | layout.PSA)[None])
     again = started(checker(), counted)
-    assert again[chip.TMR0] == UNKNOWN  # edges of RA4, at any time
+    assert again[layout.TMR0] == UNKNOWN  # edges of RA4, at any time
 
 
 def test_a_started_state_has_the_next_edge_of_its_frame_and_its_watchdog() -> None:
@@ -263,8 +267,8 @@ def test_a_started_state_has_the_next_edge_of_its_frame_and_its_watchdog() -> No
     for age, edge in ((0, 0), (1, 1), (299, 1), (300, 1), (301, 2), (1999, 2)):
         (listed,) = check._settled(row(FRAME=1000 - age, CLEARED=970, OPTION=0x0A)[None])
         again = started(watched, listed)
-        assert (again[chip.EDGE], again[DUE]) == (edge, 0)
-        assert again[chip.TIME_OUT_AT] == -30 + 4 * 7000
+        assert (again[layout.EDGE], again[DUE]) == (edge, 0)
+        assert again[layout.TIME_OUT_AT] == -30 + 4 * 7000
 
 
 def contains(listed: chip.Ints, state: chip.Ints) -> bool:
@@ -282,7 +286,7 @@ def bytes_of(cell: int, phase: int) -> set[int]:
     return {cell & 0xFF | choice & cell >> 8 for choice in range(256)}
 
 
-SLOTS = (0x0C, chip.W, chip.TMR0)
+SLOTS = (0x0C, layout.W, layout.TMR0)
 
 
 def within(state: chip.Ints, listed: chip.Ints, phase: int) -> bool:
@@ -340,7 +344,7 @@ def test_a_listed_state_contains_a_state_whose_bytes_are_all_among_its_own() -> 
     ],
 )
 def test_a_cell_contains_a_cell_with_fewer_choices(listed: int, state: int, within: bool) -> None:
-    for slot in (0x0C, 0x4F, chip.W, chip.FSR):
+    for slot in (0x0C, 0x4F, layout.W, layout.FSR):
         one, other = row(), row()
         one[slot], other[slot] = listed, state
         assert contains(one, other) is within, hex(slot)
@@ -369,7 +373,7 @@ def test_bytes_that_move_together_keep_their_difference_from_tmr0(
     state = row(TMR0=timer, TMR0_ZERO=-3)
     state[0x20] = byte
     assert contains(listed, state) is within
-    state[chip.TMR0_ZERO] = -2  # the prescaler's count
+    state[layout.TMR0_ZERO] = -2  # the prescaler's count
     assert not contains(listed, state)
 
 
@@ -377,13 +381,18 @@ def test_bytes_that_move_together_keep_their_difference_from_tmr0(
 def test_everything_beside_bytes_must_be_equal(name: str) -> None:
     assert contains(row(), row())
     other = row()
-    other[getattr(chip, name)] += 1
+    other[getattr(layout, name)] += 1
     assert not contains(row(), other)
-    for column in (FRAME_NUMBER, PLACE, chip.STACK + 7):
+    for column in (FRAME_NUMBER, PLACE, layout.STACK + 7):
         other = row()
         other[column] = 1
         assert not contains(row(), other)
-    for slot in (chip.CLEARED, chip.TIME_OUT_AT, chip.EDGE, chip.CHOSEN):  # compared otherwise, or not at all
+    for slot in (
+        layout.CLEARED,
+        layout.TIME_OUT_AT,
+        layout.EDGE,
+        layout.CHOSEN,
+    ):  # compared otherwise, or not at all
         other = row()
         other[slot] = 1
         assert contains(row(), other)
@@ -405,7 +414,7 @@ def test_a_watchdog_that_was_cleared_later_is_contained(cleared: int, within: bo
     watched._states = watched._started(watched._known(listed))
     state = states[0].copy()
     state[PLACE] = watched._number(Place((1, 1, 0, 0)))
-    state[chip.CLEARED] = 1000 + cleared
+    state[layout.CLEARED] = 1000 + cleared
     chip.plan_time_out(state, watched._board, 0, 0)
     if within:
         watched._compare(state[None])
@@ -423,7 +432,7 @@ def test_a_watchdog_that_was_cleared_later_is_contained(cleared: int, within: bo
         ({}, "1000 cycles after state 0, at address 0x000, frame 0, cycle 1000, high pins: none: why"),
         ({"PC": 0x2AB, "FRAME": 400},
          "1000 cycles after state 0, at address 0x2AB, frame 0, cycle 600, high pins: none: why"),
-        ({"FRAME": chip.BEFORE},
+        ({"FRAME": layout.BEFORE},
          "1000 cycles after state 0, at address 0x000, before the first pulse, high pins: none: why"),
         ({"FRAME": NEVER},
          "1000 cycles after state 0, at address 0x000, after the last pulse, high pins: none: why"),

@@ -14,13 +14,14 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from servogen.checker import chip
+from servogen.checker import chip, layout
 from servogen.pic import semantics
 from servogen.pic.analysis.values import SETS, Value, of
 from servogen.pic.image import Image
 from servogen.pic.isa import by_mnemonic, encode
 from servogen.pic.known_values import known_result
 from servogen.pic.semantics import CARRIES, NUMBERS, RESULTS, row_of
+from tests.checker.each import result_table
 from tests.simulator.flags import BYTE_ORIENTED, LITERAL
 from tests.simulator.reference import Chip
 
@@ -66,9 +67,9 @@ def by_checker(name: str, f: Lanes, w: Lanes, before: Lanes, bit: int) -> tuple[
     fields = {"f": RAM, "d": 1, "b": bit}
     word = encode(name, **{field: fields.get(field, 0) for field in by_mnemonic()[name].operands})
     code = chip.program_code(Image({0: word}), frozenset())[0]
-    x = {chip.X_IS_W: w, chip.X_IS_CARRY: before & 1}.get(code[chip.X], code[chip.X])
-    found = chip.result_table()[code[chip.OP], x, f].astype(np.int64)
-    return found & 0xFF, before & ~code[chip.FLAGS] | found >> 8 & code[chip.FLAGS]
+    x = {layout.X_IS_W: w, layout.X_IS_CARRY: before & 1}.get(code[layout.X], code[layout.X])
+    found = result_table()[code[layout.OP], x, f].copy()
+    return found & 0xFF, before & ~code[layout.FLAGS] | found >> 8 & code[layout.FLAGS]
 
 
 class LaneChip(Chip):

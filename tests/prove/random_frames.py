@@ -20,7 +20,7 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from servogen.checker import Certificate, chip, read_certificate
+from servogen.checker import Certificate, layout, read_certificate
 from servogen.checker.certificate import FRAME_NUMBER, PLACE
 from servogen.checker.plan import OVER, Plan, PlanPosition, read_plan
 from servogen.edges import PINS, EdgeChunk, join
@@ -71,7 +71,7 @@ def places(claim: Certificate) -> dict[tuple[int, ...], Ints]:
     for number, state in enumerate(claim.states.tolist()):
         if state[FRAME_NUMBER] >= 0:
             place = claim.places[state[PLACE]]
-            key = state[chip.PC], -state[chip.FRAME], state[FRAME_NUMBER], *place.memory
+            key = state[layout.PC], -state[layout.FRAME], state[FRAME_NUMBER], *place.memory
             found.setdefault((*key, place.levels, place.sampled), []).append(number)
     return {place: np.array(numbers) for place, numbers in found.items()}
 
@@ -244,12 +244,18 @@ def uncovered(
             yield f"seed {seed}: cycle {cycle}: no state of the certificate contains this one"
 
 
-SLOTS = {chip.W: at.W, chip.FSR: at.FSR, chip.TMR0: at.TMR0, chip.EEDATA: at.EEDATA, chip.EEADR: at.EEADR}
-SLOTS |= {slot: slot for slot in range(chip.RAM, chip.RAM_END)}
-SLOTS |= {chip.STATUS: at.STATUS, chip.INTCON: at.INTCON, chip.EECON1: at.EECON1}
+SLOTS = {
+    layout.W: at.W,
+    layout.FSR: at.FSR,
+    layout.TMR0: at.TMR0,
+    layout.EEDATA: at.EEDATA,
+    layout.EEADR: at.EEADR,
+}
+SLOTS |= {slot: slot for slot in range(layout.RAM, layout.RAM_END)}
+SLOTS |= {layout.STATUS: at.STATUS, layout.INTCON: at.INTCON, layout.EECON1: at.EECON1}
 """The simulator's slots of the checker's."""
-TIMER = list(SLOTS).index(chip.TMR0)
-EXACT = {chip.PCLATH: at.PCLATH, chip.OPTION: at.OPTION, chip.DEPTH: at.DEPTH}
+TIMER = list(SLOTS).index(layout.TMR0)
+EXACT = {layout.PCLATH: at.PCLATH, layout.OPTION: at.OPTION, layout.DEPTH: at.DEPTH}
 
 
 def within(
@@ -264,8 +270,8 @@ def within(
     fine = ((seen ^ value) & known == 0).all(axis=1)
     for slot, here in EXACT.items():
         fine &= rows[:, here] == state[slot]
-    fine &= rows[:, at.TRIS] == state[chip.TRISA] | state[chip.TRISB] << 5
-    a, b = state[chip.PORTA], state[chip.PORTB]
+    fine &= rows[:, at.TRIS] == state[layout.TRISA] | state[layout.TRISB] << 5
+    a, b = state[layout.PORTA], state[layout.PORTB]
     latch, dark = a & 0x1F | (b & 0xFF) << 5, a >> 8 | b >> 8 << 5
     return fine & ((rows[:, at.LATCH] ^ latch) & ~dark == 0)
 

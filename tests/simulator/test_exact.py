@@ -10,11 +10,15 @@ and stimuli at random moments. `make test` runs some; all of them, 10 000 images
 from __future__ import annotations
 
 import os
+import shutil
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
+from servogen import native
 from servogen.pic.image import Image
-from servogen.simulator import LevelChange, Machine, Recorded, SimulatorOptions, Stimuli
+from servogen.simulator import LevelChange, Machine, Recorded, SimulatorOptions, Stimuli, core
 from tests.simulator.helpers import CLOCK
 from tests.simulator.programs import random_stimuli, tame_image, timed_image, wild_image
 from tests.simulator.reference import Chip, number
@@ -127,6 +131,40 @@ def test_the_simulator_is_the_same_as_a_second_chip(batch: int) -> None:
         chip.begin()
         assert edges == chip.edges
         assert registers_of(machine) == registers_of_chip(chip)
+
+
+ALTERED = {
+    "a flag": ("instructions.h", "(v & 15) >= (p->w & 15)", "(v & 15) > (p->w & 15)"),
+    "a cycle": ("timer.h", "INHIBITED = 3", "INHIBITED = 2"),
+}
+"""Where the C is altered: the file, what stands there, and what then does."""
+
+
+@pytest.mark.parametrize("what", ALTERED)
+def test_an_altered_simulator_is_found(what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file, text, other = ALTERED[what]
+    shutil.copytree(core.NATIVE.folder, tmp_path / "core", ignore=shutil.ignore_patterns("*.so"))
+    source = (tmp_path / "core" / file).read_text("utf-8")
+    assert source.count(text) == 1
+    (tmp_path / "core" / file).write_text(source.replace(text, other), "utf-8")
+    monkeypatch.setattr(native, "FLAGS", ("-O0", "-fPIC", "-shared"))
+    altered = replace(core.NATIVE, folder=tmp_path / "core")
+    altered.refresh()
+    monkeypatch.setattr(core, "NATIVE", altered)
+    core.loop.cache_clear()
+    try:
+        assert any(differs(case) for batch in range(IMAGES // BATCH) for case in cases(batch))
+    finally:
+        core.loop.cache_clear()
+
+
+def differs(case: Case) -> bool:
+    """Return whether the simulator differs from the second chip."""
+    machine, chip = case.machine(), case.reference()
+    edges = rows(machine.run(CYCLES))
+    chip.run(CYCLES)
+    chip.begin()
+    return edges != chip.edges or registers_of(machine) != registers_of_chip(chip)
 
 
 @pytest.mark.parametrize("batch", range(IMAGES // BATCH))

@@ -45,19 +45,14 @@ def _is_number(name: str, value: object) -> bool:
     return name.isupper() and isinstance(value, int)
 
 
-CORE = Native(Path(__file__).parent, "core", layout_header)
+NATIVE = Native(Path(__file__).parent, "core", layout_header)
 
 
 @cache
 def loop(observed: bool = False, tracked: bool = False, visits: bool = False) -> Loop:
     """Return a variant of the loop: it takes the addresses of vectors, and returns why it stopped."""
     variant = "observed" if observed else "tracked" if tracked else "visits" if visits else "plain"
-    run: Loop = _library()[variant]
-    run.restype = ctypes.c_int64  # type: ignore[attr-defined]
-    run.argtypes = [ctypes.c_void_p if kind == "p" else ctypes.c_int64 for kind in ARGUMENTS]  # type: ignore[attr-defined]
+    run = NATIVE.load()[variant]
+    run.restype = ctypes.c_int64
+    run.argtypes = [ctypes.c_void_p if kind == "p" else ctypes.c_int64 for kind in ARGUMENTS]
     return run
-
-
-@cache
-def _library() -> ctypes.CDLL:
-    return CORE.load()

@@ -1,0 +1,145 @@
+"""The layout of the checker's chip: the slots of its state, the flags and registers, and why a run stops.
+
+The chip itself is in C, `chip.c`; its constants and the struct of the surroundings are made from this module:
+each number in capitals has the same name there. Section numbers are those of DS35007.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+from servogen.native import Native, constants, struct
+
+# The state -----------------------------------------------------------------------------------------------
+
+# Slots: a register of bank 0 at its address (ports: the latch), one of bank 1 at 0x50 + its address in it.
+NOWHERE, TMR0, PCL, STATUS, FSR, PORTA, PORTB = range(7)
+EEDATA, EEADR, PCLATH, INTCON, RAM, RAM_END = 8, 9, 10, 11, 12, 0x50
+BANK_1 = W = 0x50
+OPTION, TRISA, TRISB, EECON1, EECON2 = 0x51, 0x55, 0x56, 0x58, 0x59
+(PC, DEPTH,
+ CYCLE,             # of the next instruction
+ TMR0_FROM,         # the cycle from which TMR0 counts again after a write
+ TMR0_ZERO,         # a cycle in which its count was 0
+ OVERFLOW_AT,       # the cycle in which T0IF is set next
+ REQUESTED,         # the cycle in which an interrupt was sampled
+ DOUBTED,           # the flags that may have been sampled in the latest instruction
+ DECLINED,          # the cycle in which none of them was, by choice
+ CLEARED,           # the cycle after CLRWDT
+ TIME_OUT_AT,       # the cycle from which on a watchdog may time out
+ WRITTEN_BY,        # the cycle in which an EEPROM write is over on every chip
+ UNFINISHED,        # the cycle in which it was not over, by choice
+ KEYS, KEY_AT,      # how many keys were written to EECON2, and when
+ DARK_UNTIL,        # the last cycle in which a pin may have an unknown level
+ FRAME,             # the cycle in which the frame began
+ EDGE,              # the number of the frame's next edge
+ NEXT_EVENT,        # the cycle up to which `events` has nothing to do
+ CHOSEN,            # a cell: bits that the next instruction reads, by choice
+ ASKED, ASKED_BIT,  # what has to be chosen: a slot and a bit
+ STACK) = range(0x60, 0x77)  # fmt: skip
+SLOTS = STACK + 8
+UNKNOWN = 0xFF00
+NEVER = 1 << 60
+BEFORE = -NEVER
+"""`FRAME` before the first pulse."""
+
+C, DC, Z, RP0, TO, TO_PD = 1, 2, 4, 0x20, 0x10, 0x18
+GIE, EEIE, T0IE, INTE, RBIE = 0x80, 0x40, 0x20, 0x10, 0x08
+T0IF, INTF, RBIF, FLAGS_OF_INTCON, WRITE_OVER = 4, 2, 1, 7, 8
+"""Flags: each is three places below its enable bit in INTCON; EEIF, which is in EECON1, counts as 8."""
+T0CS, PSA, PS = 0x20, 0x08, 0x07
+RD, WR, WREN, WRERR, EEIF = 1, 2, 4, 8, 0x10
+
+
+class RegisterSlot(NamedTuple):
+    """A slot that programs can access."""
+
+    slot: int
+    reset: int
+    """After any reset: table 6-4, where x and u are unknown."""
+    unknown: int = 0
+    """The bits that may be unknown."""
+    both_banks: bool = False
+
+
+REGISTERS = (
+    RegisterSlot(W, UNKNOWN, 0xFF),
+    RegisterSlot(STATUS, 0x1F00, 0xFF, both_banks=True),  # TO and PD differ between resets
+    RegisterSlot(FSR, UNKNOWN, 0xFF, both_banks=True),
+    RegisterSlot(PORTA, 0x1F00, 0x1F),
+    RegisterSlot(PORTB, UNKNOWN, 0xFF),
+    RegisterSlot(EEDATA, UNKNOWN, 0xFF),
+    RegisterSlot(EEADR, UNKNOWN, 0xFF),
+    RegisterSlot(PCLATH, 0, 0x1F, both_banks=True),
+    RegisterSlot(INTCON, 0x0300, 0x07, both_banks=True),  # the pins may set INTF and RBIF at once
+    RegisterSlot(EECON1, 0x0800, 0x08),
+    RegisterSlot(TMR0, UNKNOWN, 0xFF),
+    RegisterSlot(OPTION, 0xFF),
+    RegisterSlot(TRISA, 0x1F),
+    RegisterSlot(TRISB, 0xFF),
+)
+"""Those with unknown bits first, of these TMR0 last."""
+READ, CHANGED = 1, 2
+"""What `run` notes of W and each byte of RAM: that it was read before it was written; that it was written."""
+
+REASONS = (
+    "cut", "frame", "fork", "button", "the frame's last edge", "an interrupt that may come",
+    "an EEPROM write that may be over", "SLEEP", "the cycle limit", "an edge that is not expected",
+    "a missing edge", "a word that is not an instruction", "a stack of more than eight levels",
+    "a return with an empty stack", "a watchdog that may time out",
+    "a pin whose level is unknown or not driven", "an unknown value in a register",
+    "control that depends on TMR0's phase", "an EEPROM write without its sequence",
+)  # fmt: skip
+(CUT, NEW_FRAME, FORK, BUTTON, LAST_EDGE, MAY_INTERRUPT, MAY_BE_WRITTEN, SLEEPS, TOO_LONG, WRONG_EDGE,
+ MISSING, NO_WORD, OVERFLOW, EMPTY, WATCHED, DARK_PIN, REGISTER, PHASE, SEQUENCE) = range(19)  # fmt: skip
+GOES_ON, INTERRUPTED = -1, -2
+
+# The program ---------------------------------------------------------------------------------------------
+
+OPERATIONS = (
+    "ADD", "SUB", "AND", "IOR", "XOR", "COM", "DEC", "INC", "CLR", "MOV", "MOVWF", "RLF", "RRF", "SWA", "BCF",
+    "BSF", "BTFSC", "BTFSS",
+)  # fmt: skip
+"""Mnemonics, or their first three letters: `result` in chip.c computes them."""
+SAME_AS = {"RETLW": "MOV", "RETFIE": "BSF", "TRIS": "MOVWF", "OPTION": "MOVWF"}
+GLITCH = 10
+"""Cycles for which a pin may be driven with an unknown level before the first pulse."""
+FLOWS = ["undefined", "next", "skip", "jump", "call", "return", "CLRWDT", "SLEEP"]
+NO_FLOW, NEXT, SKIP, JUMP, CALL, RETURN, CLRWDT, SLEEP = range(8)
+FLOW, OP, ADDRESS, SLOT, READS_F, K, X, FLAGS, TO_W, TO_F, IS_CUT = range(11)
+"""The columns of the decoded program: `ADDRESS` is the file register's, -1 if it has none or `SLOT` is it;
+`X` is a number, or one of these:
+"""
+X_IS_W, X_IS_CARRY = -1, -2
+MEMO, SPREAD = 1 << 16, 0x2545F4914F6CDD1D
+EEPROM_READ, EEPROM_WRITTEN = 64, 65
+"""After the cells of the EEPROM: whether one was read, and whether a write began."""
+
+
+class ChipSurroundings(NamedTuple):
+    """What is around the chip. Pins are bits of a word."""
+
+    limit: int
+    """In this cycle a run must have come to a cut."""
+    period: int
+    channels: int
+    """The pins with servos."""
+    buttons: int
+    held: int
+    """Pins that are held, at these levels."""
+    levels: int
+    watchdog: int
+    """The shortest period of the watchdog in cycles; 0 if it is off."""
+    longest_write: int = 0
+    """The longest EEPROM write in cycles."""
+
+
+def _header() -> str:
+    """Return the text of `layout.h`."""
+    numbers = {name: value for name, value in globals().items() if name.isupper() and isinstance(value, int)}
+    numbers |= {f"DO_{name}": number for number, name in enumerate(OPERATIONS)}
+    return constants(numbers) + struct("Board", dict.fromkeys(ChipSurroundings._fields, 1))
+
+
+NATIVE = Native(Path(__file__).parent, "chip", _header)
