@@ -94,7 +94,7 @@ class Native:
                 f"{self.library} was not compiled from the sources beside it",
                 hint="install servogen again: `pip install -e .` in a checkout",
             )
-        return ctypes.CDLL(str(self.library))
+        return ctypes.CDLL(str(self.library), winmode=0)  # the path is whole: Windows searches nowhere
 
     def _is_current(self) -> bool:
         try:

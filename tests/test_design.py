@@ -292,6 +292,7 @@ def test_a_forbidden_import_is_seen(tmp_path: Path) -> None:
 
 
 TABLES_OF_MNEMONICS = {
+    "checker/chip.py": "the registers that instructions without an address write",
     "checker/layout.py": "the operations of the checker's chip, which it shares with nobody",
     "compiler/codegen/runtime.py": "writes a line low or high",
     "compiler/passes/branch_simplify.py": "DECF and INCF beside the skips that count like them",

@@ -16,7 +16,7 @@ ROOT = Path(__file__).parent.parent
 PAGE = (ROOT / "docs" / "platforms.md").read_text("utf-8")
 
 WINDOWS = """
-import os, sys, json, pathlib, tempfile, subprocess, shutil, ctypes, asyncio, signal, selectors, logging
+import os, sys, json, pathlib, tempfile, subprocess, shutil, ctypes, asyncio, signal, selectors, runpy
 import importlib.resources, importlib.metadata, concurrent.futures, multiprocessing
 import numpy, pydantic, typer, rich.console, jinja2, serial.tools.list_ports, pcpp, intelhex
 for name in ("fcntl", "pty", "resource", "termios", "tty", "pwd", "grp"):

@@ -108,10 +108,14 @@ def exported(
     It takes the arguments of the C: numbers; vectors, boards, edges and memories as pointers.
     """
 
+    @cache
+    def function() -> Any:
+        found = library()[name]
+        found.restype = result
+        return found
+
     def call(*arguments: Any) -> int:
-        function = library()[name]
-        function.restype = result
-        value: int = function(*map(_as_c, arguments))
+        value: int = function()(*map(_as_c, arguments))
         return value
 
     return call
