@@ -141,8 +141,12 @@ def skipped(word: DecodedWord, known: Known, changing: Collection[int] = ()) -> 
     return None if counted is None else counted == 0
 
 
-def execute(word: DecodedWord, known: Known, changing: Collection[int] = ()) -> None:
-    """Update what is known by executing an instruction; places that are `changing` are never known."""
+def execute(
+    word: DecodedWord, known: Known, changing: Collection[int] = (), operand: int | None = None
+) -> None:
+    """Update what is known by executing an instruction; places that are `changing` are never known. `operand`
+    is the byte that it reads where that is at no place that is tracked.
+    """
     if word.f == STATUS and word.writes_f:
         _write_status(word, known)
         return
@@ -150,7 +154,7 @@ def execute(word: DecodedWord, known: Known, changing: Collection[int] = ()) -> 
     if place is None and word.has_f and word.f == INDF:
         place = place_of(INDF, known)
     value = known.get
-    operand = None if place is None else value(place)
+    operand = operand if place is None else value(place)
     made, carry = known_result(word.name, value(W), operand, word.k, word.b, value(CARRY))
     if word.sets_carry:
         _put(known, CARRY, carry)

@@ -12,7 +12,8 @@ from servogen.compiler import Options, Source, compile_sources
 from servogen.engines.stream.engine import compiled, stream
 from servogen.engines.stream.settings import BIT_GAP, START_GAP
 from servogen.job import load, loads, plan_job
-from servogen.prove.stream.interrupt import InterruptChanged, guarantee
+from servogen.prove.stream.looks import InterruptChanged
+from servogen.prove.stream.rounds import guarantee
 from tests.engines.stream.stream_soak import JOBS
 
 JOB = plan_job(load(JOBS / "stream-eight.toml"))
@@ -144,6 +145,27 @@ def listing_of(text: str):  # type: ignore[no-untyped-def]
             "decf    _ticks, W\n    movwf   _ticks",
             "a fall: it ends",
         ),
+        # The timer is read while it stands still, is set to run over, or is written otherwise than by adding.
+        (
+            "movlw   131\n    addwf   TMR0, F",
+            "movlw   131\n    addwf   TMR0, F\n    nop\n    nop\n    movf    TMR0, W",
+            "read while it does not count",
+        ),
+        ("movlw   131 ", "movlw   255 ", "overflows because it is written"),
+        ("st_late:\n", "st_late:\n    clrf    TMR0\n", "written by an instruction that is not followed"),
+        ("st_late:\n", "st_late:\n    decfsz  TMR0, W\n", "written by an instruction that is not followed"),
+        # Of the registers and of the C's variables only some bits are the interrupt's.
+        ("st_plain:\n", "st_plain:\n    bcf     INTCON, 5\n", "not the interrupt's"),
+        ("st_plain:\n", "st_plain:\n    bsf     STATUS, 5\n", "not the interrupt's"),
+        ("st_plain:\n", "st_plain:\n    bcf     _due, 1\n", "not the interrupt's"),
+        ("st_plain:\n", "st_plain:\n    movwf   _rx_left\n", "not the interrupt's"),
+        ("st_plain:\n", "st_plain:\n    xorwf   STATUS, F\n", "not the interrupt's"),
+        ("btfss   _due, 1\n    goto    st_fall", "nop\n    goto    $+1", "not the interrupt's"),
+        ("st_sync:\n", "st_sync:\n    bsf     STATUS, 5\n", "its own"),
+        ("st_sync:\n", "st_sync:\n    clrf    _ticks\n", "its own"),
+        # A fall leaves the port as it is, or another byte than a port is written.
+        ("movlw   0\n    btfsc   STATUS, 2", "movlw   1\n    btfsc   STATUS, 2", "does not clear the port"),
+        ("movwf   PORTB               ; the edge", "movwf   _mask", "not written to a port"),
         # The pin is not the one that the C prepared.
         ("movf    _mask, W", "movf    _value, W", "does not write the pin"),
     ],

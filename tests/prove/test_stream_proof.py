@@ -25,8 +25,8 @@ from servogen.prove.stream.bits import FALSE, TIME_LIMIT_MS, TRUE, Bits, GivenUp
 from servogen.prove.stream.chip import StreamChip
 from servogen.prove.stream.counterexample import NOBODY, Suspect
 from servogen.prove.stream.execution import EEPROM, NotFollowed
-from servogen.prove.stream.interrupt import InterruptChanged
 from servogen.prove.stream.lemmas import Fails, Lemmas, between_steps, bytes_of, receiver_counts
+from servogen.prove.stream.looks import InterruptChanged
 from servogen.prove.stream.names import Names
 from servogen.prove.stream.proof import (
     LineProof,

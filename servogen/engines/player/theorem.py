@@ -24,7 +24,7 @@ from servogen.pic.known_values import (
     DecodedWord,
     Known,
     W,
-    known_result,
+    execute,
     step,
     word_of,
 )
@@ -237,11 +237,6 @@ class _Kernel:
 
     def _look(self, word: DecodedWord, known: Known, timer: int, address: int) -> None:
         """Execute an instruction that reads the timer into W."""
-        result, carry = known_result(word.name, known[W], timer, word.k, word.b, known[CARRY])
-        if result is None or not word.writes_w:
+        execute(word, known, operand=timer)
+        if not word.writes_w or W not in known:
             raise KernelChanged(f"0x{address:03X} writes the timer")
-        known[W] = result
-        if "C" in word.flags and carry is not None:
-            known[CARRY] = carry
-        if "Z" in word.flags:
-            known[ZERO] = int(result == 0)

@@ -16,9 +16,10 @@ is in its loop, or at most one `execute` behind. Commands are at least three byt
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Hashable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
+from typing import NamedTuple
 
 from servogen.graph import reached
 from servogen.pic.device import INTERRUPT_VECTOR, addresses
@@ -29,12 +30,11 @@ from servogen.pic.known_values import (
     INDF,
     RETURNED,
     ZERO,
-    Continuation,
     DecodedWord,
     Known,
     Undefined,
     W,
-    known_result,
+    execute,
     step,
     word_of,
 )
@@ -66,16 +66,38 @@ PORT_NAMES = ("port", "next_port")
 """Its variables with the address of a port, if servos are on both."""
 
 
-_Moment = tuple[int, tuple[int, ...], int]
-"""Address, return addresses, cycle."""
-_State = tuple[int, tuple[int, ...], int, tuple[tuple[int, int], ...]]
-"""Address, return addresses, cycle of the round, known values."""
-AHEAD = -10
-"""The key, among the known values, of the cycles by which TMR0 is ahead of the time."""
-WRITTEN = -11
-"""The key of the cycle in which TMR0 was written last."""
-CLEARED = -12
-"""The key of whether T0IF was cleared since the edge: then the next round has no other interrupt."""
+class Timer(NamedTuple):
+    """What is known of TMR0, which shows the time modulo 256 unless it was written, and of its flag."""
+
+    ahead: int = 0
+    """The cycles by which it is ahead of the time."""
+    written: int | None = None
+    """The cycle in which this interrupt wrote it."""
+    cleared: bool | None = None
+    """Whether T0IF was cleared since the edge, so that the next round has no other interrupt; None: there was
+    no edge yet.
+    """
+
+
+class RoundMoment(NamedTuple):
+    """What is known before an instruction of the interrupt's code."""
+
+    address: int
+    stack: tuple[int, ...]
+    cycle: int
+    """Of the round, of which 0 is its overflow of TMR0; or since a subroutine's first instruction."""
+    known: Known
+    """Changed by the instruction."""
+    timer: Timer = Timer()
+
+    def forget(self, followed: Collection[int]) -> None:
+        """Forget the places that are not `followed`."""
+        for place in [place for place in self.known if place not in followed]:
+            del self.known[place]
+
+    def key(self) -> Hashable:
+        """Return what tells this moment from others."""
+        return self.address, self.stack, self.cycle, frozenset(self.known.items()), self.timer
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,6 +247,20 @@ def _changed_by_interrupt(listing: Listing) -> set[int]:
 # the supply that the interrupts leave
 
 
+class LatestEnd(NamedTuple):
+    """How an interrupt ends."""
+
+    cycle: int
+    ahead: int
+    """The cycles by which TMR0 is ahead of the time then."""
+    cleared: bool
+    """Whether the next round has no other interrupt."""
+
+
+class _NoEnd(Exception):
+    """Raised where an interrupt takes longer than it may, or too many ways."""
+
+
 @dataclass(slots=True)
 class Round:
     """The abstract execution of the interrupt's code in one round."""
@@ -237,7 +273,8 @@ class Round:
     """The address of the instruction that makes an edge."""
     masked: int
     """The maximum number of cycles for which the C masks interrupts."""
-    _ends: dict[tuple[int, int, int], tuple[tuple[int, int, int], ...] | None] = field(default_factory=dict)
+    _ends: dict[tuple[int, Timer], tuple[LatestEnd, ...] | None] = field(default_factory=dict)
+    """The ends of interrupts that were followed, by the cycle in which they begin."""
     _look_cycles: tuple[int, ...] = ()
 
     def left(self, begins: range) -> int | None:
@@ -246,12 +283,13 @@ class Round:
         """
         fewest = ROUND
         for begin in begins:
-            first = self._latest(INTERRUPT_VECTOR, begin, {self.ram["ticks"]: MANY, AHEAD: 0})
+            first = self._interrupt(begin, MANY, Timer())
             if first is None:
                 return None
-            for end, ahead, _ in first:
-                left = self._left_after(begins, end) if ahead == HALF else max(0, ROUND - end)
-                if left is None or ahead not in (0, HALF) or (ahead == 0 and end + LATENCY > ROUND):
+            for end in first:
+                left = self._left_after(begins, end.cycle) if end.ahead == HALF else max(0, ROUND - end.cycle)
+                late = end.ahead == 0 and end.cycle + LATENCY > ROUND
+                if left is None or end.ahead not in (0, HALF) or late:
                     return None
                 fewest = min(fewest, left)
         return fewest
@@ -264,151 +302,147 @@ class Round:
         usual = range(HALF + 2, HALF + LATENCY + 3 + self.masked)
         late = range(end, end + LATENCY + 3)
         for begin in usual if end + LATENCY < HALF else late:
-            second = self._latest(INTERRUPT_VECTOR, begin, {self.ram["ticks"]: MANY - 1, AHEAD: HALF})
-            if second is None or any(ahead or after + LATENCY > ROUND for after, ahead, _ in second):
+            second = self._interrupt(begin, MANY - 1, Timer(HALF))
+            if second is None or any(after.ahead or after.cycle + LATENCY > ROUND for after in second):
                 return None
-            fewest = min(fewest, *(max(0, HALF - end) + ROUND - after for after, _, _ in second))
+            fewest = min(fewest, *(max(0, HALF - end) + ROUND - after.cycle for after in second))
         return fewest
 
-    def end_after_edge(self, rest: int, fine: int) -> tuple[int, bool] | None:
-        """Return the latest end of an interrupt with an edge `fine` cycles after `rise`, and whether the next
-        round has no other interrupt.
+    def end_after_edge(self, rest: int, fine: int) -> LatestEnd | None:
+        """Return the latest end of an interrupt with an edge `fine` cycles after `rise`; None if no bound is
+        found.
 
         The edge is in exactly that cycle whatever came before it (tests/engines/stream/test_stream_tick.py).
         """
-        known = {self.ram["rest"]: rest, self.ram["fine"]: fine, self.ram["ticks"]: 1, AHEAD: 0}
-        known[CLEARED] = 0
-        ends = self._latest(self.edge + 1, self.rise() + fine + 1, known)
-        if ends is None or len({cleared for _, _, cleared in ends}) > 1:
+        known = {self.ram["rest"]: rest, self.ram["fine"]: fine, self.ram["ticks"]: 1}
+        ends = self._latest(
+            RoundMoment(self.edge + 1, (), self.rise() + fine + 1, known, Timer(cleared=False))
+        )
+        if ends is None or len({end.cleared for end in ends}) > 1:
             return None
-        return max(end for end, _, _ in ends), bool(ends[0][2])
+        return max(ends)
 
     def rise(self) -> int:
         """Return the cycle of the round in which a pulse begins: that of a short look at the line."""
-        known: Known = {self.ram["rest"]: 0, self.ram["fine"]: 0, self.ram["ticks"]: 1, AHEAD: 0}
-        address, now = INTERRUPT_VECTOR, 2
-        stack: tuple[int, ...] = ()
-        while address != self.edge:
-            ways = list(self.steps(address, stack, now, word_of(self.words[address]), known))
-            address, stack, cycles, known = ways[0]
-            now += cycles
-            if now > MAX_END:
+        known: Known = {self.ram["rest"]: 0, self.ram["fine"]: 0, self.ram["ticks"]: 1}
+        at = RoundMoment(INTERRUPT_VECTOR, (), 2, known)
+        while at.address != self.edge:
+            at = self.steps(at, self.word(at.address))[0]
+            if at.cycle > MAX_END:
                 raise LookupError("the interrupt makes no edge")
-        return now
+        return at.cycle
 
     def looks(self) -> tuple[int, ...]:
         """Return all durations of a look at the line, whatever the receiver does."""
         if not self._look_cycles:
-            begin: _Moment = (self.look, (), 0)
+            begin: tuple[int, tuple[int, ...], int] = (self.look, (), 0)
 
-            def following(moment: _Moment) -> Iterator[_Moment]:
-                address, stack, now = moment
-                if address != RETURNED:
-                    for target, more, cycles, _ in self.steps(
-                        address, stack, now, word_of(self.words[address]), {}
-                    ):
-                        yield target, more, now + cycles
+            def following(at: tuple[int, tuple[int, ...], int]) -> Iterator[tuple[int, tuple[int, ...], int]]:
+                if at[0] != RETURNED:
+                    yield from (after[:3] for after in self.steps(RoundMoment(*at, {}), self.word(at[0])))
 
             found = reached([begin], following)
             self._look_cycles = tuple(sorted(now for address, _, now in found if address == RETURNED))
         return self._look_cycles
 
-    def _latest(self, address: int, now: int, known: Known) -> tuple[tuple[int, int, int], ...] | None:
-        """Return the latest end of the interrupt from a state on, for each number of cycles that TMR0 is then
-        ahead of the time and each value of CLEARED; None if no bound is found.
+    def _interrupt(self, begin: int, ticks: int, timer: Timer) -> tuple[LatestEnd, ...] | None:
+        """Return the latest ends of an interrupt that begins in a cycle, with so many left until an edge."""
+        if (begin, timer) not in self._ends:
+            known = {self.ram["ticks"]: ticks}
+            self._ends[begin, timer] = self._latest(RoundMoment(INTERRUPT_VECTOR, (), begin, known, timer))
+        return self._ends[begin, timer]
+
+    def _latest(self, begin: RoundMoment) -> tuple[LatestEnd, ...] | None:
+        """Return the latest end from a moment on, for each number of cycles that TMR0 is then ahead of the
+        time and whether T0IF was cleared; None if no bound is found.
         """
         if "port" in self.ram:
-            known |= {self.ram[name]: PORTS[1] for name in PORT_NAMES}
-        begun = (address, now, known[AHEAD])
-        if begun in self._ends and address == INTERRUPT_VECTOR:
-            return self._ends[begun]
-        followed = {W, CARRY, ZERO, FSR, *(self.ram[name] for name in FOLLOWED), *known, WRITTEN}
-        waiting: list[_State] = [(address, (), now, tuple(sorted(known.items())))]
-        seen = set(waiting)
-        latest: dict[tuple[int, int], int] = {}
-        while waiting:
-            address, stack, now, frozen = waiting.pop()
-            ways = [(address, stack, 0, dict(frozen))]
-            while len(ways) == 1:  # only where a path forks can it meet another one again
-                address, stack, cycles, known = ways[0]
-                known = {place: value for place, value in known.items() if place in followed}
-                now += cycles
-                if now > MAX_END or len(seen) > MAX_STATES:
-                    return None
-                try:
-                    word = word_of(self.words[address])
-                except (KeyError, Undefined):
-                    return None
-                if word.name == "RETFIE":
-                    how = known[AHEAD], known.get(CLEARED, 0)
-                    latest[how] = max(latest.get(how, 0), now + 2)
-                    ways = []
-                else:
-                    ways = list(self.steps(address, stack, now, word, known))
-            for following, more, cycles, after in ways:
-                remembered = sorted((place, value) for place, value in after.items() if place in followed)
-                state = (following, more, now + cycles, tuple(remembered))
-                if state not in seen:
-                    seen.add(state)
-                    waiting.append(state)
-        self._ends[begun] = tuple((end, *how) for how, end in latest.items())
-        return self._ends[begun]
+            begin.known.update({self.ram[name]: PORTS[1] for name in PORT_NAMES})
+        followed = {W, CARRY, ZERO, FSR, *(self.ram[name] for name in FOLLOWED), *begin.known}
+        met: set[Hashable] = set()
+        latest: dict[tuple[int, bool], int] = {}
 
-    def steps(
-        self, address: int, stack: tuple[int, ...], now: int, word: DecodedWord, known: Known
-    ) -> Iterator[Continuation]:
-        """Yield where execution continues. Updates `known`. Raises LookupError for a use of TMR0 that is not
-        followed.
+        def is_new(at: RoundMoment) -> bool:
+            count = len(met)
+            met.add(at.key())
+            return len(met) > count
+
+        def following(at: RoundMoment) -> list[RoundMoment]:
+            """Follow the only path from a moment to where it forks: only there can it meet another again."""
+            ways = [at]
+            while len(ways) == 1:
+                (at,) = ways
+                at.forget(followed)
+                if at.cycle > MAX_END or len(met) > MAX_STATES:
+                    raise _NoEnd
+                word = self.word(at.address)
+                if word.name == "RETFIE":
+                    how = at.timer.ahead, bool(at.timer.cleared)
+                    latest[how] = max(latest.get(how, 0), at.cycle + 2)
+                    return []
+                ways = self.steps(at, word)
+            for way in ways:
+                way.forget(followed)
+            return ways
+
+        try:
+            for _ in reached([begin], following, is_new):
+                pass
+        except (_NoEnd, KeyError, Undefined):
+            return None
+        return tuple(LatestEnd(end, *how) for how, end in latest.items())
+
+    def word(self, address: int) -> DecodedWord:
+        """Return an instruction of the code. Raises KeyError, Undefined."""
+        return word_of(self.words[address])
+
+    def steps(self, at: RoundMoment, word: DecodedWord) -> list[RoundMoment]:
+        """Return what follows an instruction. Changes `at.known`.
+
+        Raises LookupError for a use of TMR0 that is not followed.
         """
+        address, stack, now, known, timer = at
         if word.flow == "call" and word.k == self.look:
             for place in (W, CARRY, ZERO, self.ram["t"]):
                 known.pop(place, None)
-            for cycles in self.looks():
-                yield address + 1, stack, 2 + cycles, known
-        elif word.has_f and word.f == TMR0:
-            yield from self._timer(address, stack, now, word, known)
-        elif word.flow == "next" and word.f == INDF and word.writes_f and known.get(FSR) in PORTS:
-            yield address + 1, stack, 1, known
-        else:
-            if word.name == "BCF" and word.f == INTCON and CLEARED in known:
-                known[CLEARED] = 1
-            yield from step(address, stack, word, known)
+            after = now + 2
+            return [
+                RoundMoment(address + 1, stack, after + cycles, dict(known), timer) for cycles in self.looks()
+            ]
+        if word.has_f and word.f == TMR0:
+            return [self._timer(at, word)]
+        if word.f == INDF and word.writes_f and word.flow == "next" and known.get(FSR) in PORTS:
+            return [RoundMoment(address + 1, stack, now + 1, known, timer)]
+        if word.name == "BCF" and word.f == INTCON and timer.cleared is not None:
+            timer = timer._replace(cleared=True)
+        return [
+            RoundMoment(target, more, now + cycles, after, timer)
+            for target, more, cycles, after in step(address, stack, word, known)
+        ]
 
-    def _timer(
-        self, address: int, stack: tuple[int, ...], now: int, word: DecodedWord, known: Known
-    ) -> Iterator[Continuation]:
+    def _timer(self, at: RoundMoment, word: DecodedWord) -> RoundMoment:
         """Execute an instruction that reads the timer, or adds a constant to it."""
-        if now - known.get(WRITTEN, now - ROUND) <= TMR0_STANDS:
+        address, stack, now, known, timer = at
+        if timer.written is not None and now - timer.written <= TMR0_STANDS:
             raise LookupError("TMR0 is read while it does not count")
-        timer = (now + known.get(AHEAD, 0)) % ROUND
-        if word.writes_f:
+        value = (now + timer.ahead) % ROUND
+        if word.writes_f or (word.flow == "skip" and not word.tests_bit):
             added = known.get(W)
-            if word.name != "ADDWF" or added is None or WRITTEN in known:
+            if word.name != "ADDWF" or added is None or timer.written is not None:
                 raise LookupError("TMR0 is written by an instruction that is not followed")
             # It would set T0IF too early: an interrupt that no time accounts for.
-            if timer + added >= ROUND:
+            if value + added >= ROUND:
                 raise LookupError("TMR0 overflows because it is written")
-            known[AHEAD] = (known.get(AHEAD, 0) + added - TMR0_STANDS) % ROUND
-            known[WRITTEN] = now
             for place in (CARRY, ZERO):
                 known.pop(place, None)
-            yield address + 1, stack, 1, known
-            return
+            ahead = (timer.ahead + added - TMR0_STANDS) % ROUND
+            return RoundMoment(address + 1, stack, now + 1, known, timer._replace(ahead=ahead, written=now))
         if word.flow == "skip":
-            taken = bool(timer >> word.b & 1) == (word.name == "BTFSS")
-            yield address + 1 + taken, stack, 1 + taken, known
-            return
-        w = known.get(W)
-        result, carry = known_result(word.name, w, timer, word.k, word.b, known.get(CARRY))
-        for place, value in ((W, result), (CARRY, carry if "C" in word.flags else known.get(CARRY))):
-            if value is None:
-                known.pop(place, None)
-            else:
-                known[place] = value
-        known.pop(ZERO, None)
-        if result is not None:
-            known[ZERO] = int(result == 0)
-        yield address + 1, stack, 1, known
+            taken = bool(value >> word.b & 1) == (word.name == "BTFSS")
+            return RoundMoment(address + 1 + taken, stack, now + 1 + taken, known, timer)
+        # It is read into W as a byte would be: the instruction is executed on one that holds it.
+        execute(word, known, operand=value)
+        return RoundMoment(address + 1, stack, now + 1, known, timer)
 
 
 def _supply(listing: Listing, rounds: int, masked: int) -> Cycles | None:
@@ -452,7 +486,7 @@ def _supply_of(
     except LookupError:
         return None
     # The rounds of a slot: that of the rise, those of the fall and after it, and all others.
-    return Cycles(max(0, ROUND - rise[0]) + with_fall + (rounds - 3) * usual)
+    return Cycles(max(0, ROUND - rise.cycle) + with_fall + (rounds - 3) * usual)
 
 
 def _left_with_fall(one: Round, rest: int, fine: int, usual: int) -> int | None:
@@ -460,8 +494,8 @@ def _left_with_fall(one: Round, rest: int, fine: int, usual: int) -> int | None:
     fall = one.end_after_edge(rest, fine)
     if fall is None:
         return None
-    end, whole = fall
-    if whole:
+    end = fall.cycle
+    if fall.cleared:
         return 2 * ROUND - end if end + LATENCY <= 2 * ROUND else None
     if end + LATENCY < ROUND:
         return ROUND - end + usual

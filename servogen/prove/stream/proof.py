@@ -27,9 +27,10 @@ from servogen.prove.stream.bits import GivenUp, Solver
 from servogen.prove.stream.chip import LEAST_TRIM, MOST_TRIM
 from servogen.prove.stream.counterexample import NOBODY, CounterexampleSearch, Suspect
 from servogen.prove.stream.execution import NotFollowed
-from servogen.prove.stream.interrupt import Guarantee, InterruptChanged, guarantee
 from servogen.prove.stream.lemmas import Fails, Lemmas
+from servogen.prove.stream.looks import InterruptChanged
 from servogen.prove.stream.names import Names
+from servogen.prove.stream.rounds import Guarantee, guarantee
 from servogen.units import Cycles
 
 DIALECTS = ("c2c", "xc8", "sdcc")

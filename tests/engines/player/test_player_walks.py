@@ -12,7 +12,7 @@ import pytest
 from servogen.engines.firmware import ResourceError
 from servogen.engines.inputs.buttons import ButtonPin
 from servogen.engines.inputs.commands import CommandButton, CommandButtons, CommandLine
-from servogen.engines.player import poses, theorem
+from servogen.engines.player import poses
 from servogen.engines.player.arithmetic import ENTRIES
 from servogen.engines.player.commanded import _Cuts, _read
 from servogen.engines.player.encoding import Legs
@@ -479,22 +479,6 @@ def test_the_kernel_reads_the_timer_as_it_counts(arrival: int, tick: int) -> Non
     values = [(read + 1 - begin, 200 + (read - begin) // tick) for read in range(2, 22, 2)]
     changes = [one for one, before in zip(values, [(0, 0), *values], strict=False) if one[1] != before[1]]
     assert list(found.writes) == changes
-
-
-def test_a_reading_of_the_timer_is_the_instruction_s_arithmetic() -> None:
-    """Subtraction leaves W - f wrapped, with C where nothing was borrowed; XOR leaves C as it was."""
-    kernel, known = kernel_of(), dict[Any, Any]()
-    for timer, target in ((10, 10), (10, 11), (11, 10), (0, 255), (255, 0)):
-        word = theorem.decoded(encode("SUBWF", f=TMR0, d=0))
-        known = {theorem.W: target, theorem.CARRY: 0, theorem.ZERO: 0}
-        kernel._look(word, known, timer, 0)
-        assert known[theorem.W] == timer - target & 0xFF
-        assert (known[theorem.CARRY], known[theorem.ZERO]) == (timer >= target, timer == target)
-        for carry in (0, 1):
-            known = {theorem.W: target, theorem.CARRY: carry, theorem.ZERO: 0}
-            kernel._look(theorem.decoded(encode("XORWF", f=TMR0, d=0)), known, timer, 0)
-            assert (known[theorem.W], known[theorem.CARRY]) == (timer ^ target, carry)
-            assert known[theorem.ZERO] == (timer == target)
 
 
 def test_what_is_no_kernel_is_refused_where_it_is_seen() -> None:

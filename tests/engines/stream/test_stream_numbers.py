@@ -29,7 +29,7 @@ from servogen.engines.stream.settings import _latest_sample, _rates, bit_units, 
 from servogen.engines.stream.streaming import streaming
 from servogen.errors import InputError
 from servogen.job import load, plan_job
-from servogen.prove.stream.interrupt import Guarantee, _Seen
+from servogen.prove.stream.rounds import Guarantee
 from servogen.units import Clock, Cycles
 from tests.engines.stream.stream_soak import JOBS
 
@@ -382,16 +382,3 @@ def test_the_earliest_sample_is_20_cycles_after_the_time_at_which_it_is_due() ->
         # Time stamps are rounded down to 4 cycles: 10 to 8, and 131 to 128.
         due = [4 * (stamp // 4 + 16 + k * 104) - stamp + since for stamp, since in ((10, 2), (131, 5))]
         assert one.earliest_sample(k, 15, 104) == 20 + min(due)
-
-
-def test_of_two_states_the_one_with_the_earlier_look_stands_for_both() -> None:
-    def state(sample: int, stamp: int, bit: int, kind: str = "bit", now: int = 7) -> Any:
-        return (5, (), now, frozenset({(1, 2)}), (kind, sample, stamp), bit)
-
-    seen = _Seen()
-    assert seen.add(state(10, 12, 3)) and not seen.add(state(10, 12, 3))
-    assert (
-        not seen.add(state(11, 12, 3)) and not seen.add(state(10, 13, 3)) and not seen.add(state(10, 12, 4))
-    )
-    assert seen.add(state(9, 13, 3)) and seen.add(state(10, 11, 4)) and seen.add(state(11, 13, 2))
-    assert seen.add(state(10, 12, 3, kind="wait")) and seen.add(state(10, 12, 3, now=8))

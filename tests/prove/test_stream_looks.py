@@ -1,0 +1,176 @@
+"""Looks at a stream's line: every outcome with its times, and the words that keep the receiver's clock."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import pytest
+
+from servogen.engines.stream.engine import stream
+from servogen.engines.stream.response import Round
+from servogen.job import load, plan_job
+from servogen.pic.isa import encode
+from servogen.prove.stream import looks
+from servogen.prove.stream.looks import (
+    BIT,
+    HUNT,
+    OF_RECEIVER,
+    START,
+    WAIT,
+    InterruptChanged,
+    Look,
+    check_receiver,
+    check_samples,
+    looks_of,
+)
+from tests.engines.stream.stream_soak import JOBS
+
+STREAMED = stream(plan_job(load(JOBS / "stream-eight.toml")))[1]
+TMR0, STATUS, PORTA, PORTB = 1, 3, 5, 6
+NAMES = ("ticks", "rest", "fine", "due", "mask", "port", "next_hi", "next_lo", *OF_RECEIVER)
+RAM = {name: 0x20 + n for n, name in enumerate(NAMES)}
+NOP = encode("NOP")
+
+
+def round_of(*words: int, at: int = 0x60) -> Round:
+    return Round(dict(enumerate(words, at)), RAM, 0x60, 0x70, 9)
+
+
+def receiver() -> dict[int, int]:
+    t, left, last, bits = (RAM[name] for name in ("t", "rx_left", "rx_last", "rx_bits"))
+    time = [
+        encode("MOVF", f=TMR0, d=0),
+        encode("BTFSS", f=RAM["ticks"], b=0),
+        encode("ADDLW", k=128),
+        encode("MOVWF", f=t),
+        encode("RRF", f=t, d=1),
+    ]
+    take = [
+        *time,
+        encode("RRF", f=t, d=1),
+        encode("BTFSC", f=bits, b=7),
+        encode("GOTO", k=0x99),
+        encode("MOVF", f=last, d=0),
+        encode("SUBWF", f=t, d=0),
+        encode("ANDLW", k=0x3F),
+        encode("SUBWF", f=left, d=1),
+        encode("MOVF", f=t, d=0),
+        encode("MOVWF", f=last),
+        encode("BTFSC", f=STATUS, b=0),
+        encode("RETURN"),
+        encode("MOVLW", k=104),
+        encode("ADDWF", f=left, d=1),
+    ]
+    hunt = [
+        encode("BTFSC", f=PORTA, b=4),
+        encode("RETURN"),
+        *time,
+        encode("RRF", f=t, d=0),
+        encode("MOVWF", f=last),
+        encode("MOVLW", k=15),
+        encode("MOVWF", f=left),
+        encode("MOVLW", k=10),
+        encode("MOVWF", f=bits),
+        encode("RETURN"),
+    ]
+    return dict(enumerate(take, 0x60)) | dict(enumerate(hunt, 0x80))
+
+
+def check(words: dict[int, int], streamed=STREAMED) -> None:  # type: ignore[no-untyped-def]
+    check_receiver(words, RAM, 0x60, 0x80, streamed)
+
+
+def test_each_word_that_keeps_the_receiver_s_time_is_the_one_that_is_expected(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Times are 64 units of 4 cycles: the timer, half a round ahead while `ticks` is even, shifted twice."""
+    check(receiver())
+    assert (STREAMED.bit_units, STREAMED.first_units) == (104, 15)
+    for other in (replace(STREAMED, bit_units=105), replace(STREAMED, first_units=16)):
+        with pytest.raises(InterruptChanged, match="the receiver's clock is not kept"):
+            check(receiver(), other)
+    tick = looks.assemble  # the template is the same for every word: it is assembled once
+    monkeypatch.setattr(looks, "assemble", cache(lambda text, file: tick(text, file)))
+    for at in receiver():
+        words = receiver() | {at: NOP}
+        if at == 0x67:  # where a broken byte goes on
+            check(words)
+            continue
+        clock = f"the receiver's clock is not kept by the word at 0x{at:03X}"
+        with pytest.raises(InterruptChanged) as error:
+            check(words)
+        assert str(error.value) == ("a start bit is not looked for at a pin" if at == 0x80 else clock)
+    for sample in (encode("BTFSS", f=PORTA, b=4), encode("BTFSC", f=7, b=4)):
+        with pytest.raises(InterruptChanged, match=r"^a start bit is not looked for at a pin$"):
+            check(receiver() | {0x80: sample})
+    check(receiver() | {0x80: encode("BTFSC", f=PORTB, b=0)})
+
+
+def test_a_bit_is_sampled_20_to_30_cycles_after_its_time_and_the_stop_bit_by_22() -> None:
+    def found(code: Round) -> str:
+        try:
+            check_samples(code, 0x60)
+        except InterruptChanged as error:
+            return str(error)
+        return ""
+
+    def straight(count: int) -> Round:
+        words = (
+            encode("MOVF", f=TMR0, d=0),
+            encode("ADDWF", f=RAM["rx_left"], d=1),
+            *[NOP] * (count - 2),
+            encode("BTFSC", f=PORTA, b=4),
+            NOP,
+            encode("RETURN"),
+        )
+        return round_of(*words)
+
+    for cycles, right in ((19, False), (20, True), (22, True), (23, False)):
+        text = f"a bit is sampled {cycles} cycles after its time stamp, at 0x{0x60 + cycles:03X}"
+        assert found(straight(cycles)) == ("" if right else text)
+
+    # Bits other than the stop bit, before which rx_bits is 1, have until 30.
+    def unless_stop(count: int) -> Round:
+        words = (
+            encode("MOVF", f=TMR0, d=0),
+            encode("ADDWF", f=RAM["rx_left"], d=1),
+            encode("DECF", f=RAM["rx_bits"], d=1),
+            encode("BTFSC", f=STATUS, b=2),
+            encode("RETURN"),
+            *[NOP] * (count - 5),
+            encode("BTFSC", f=PORTA, b=4),
+            NOP,
+            encode("RETURN"),
+        )
+        return round_of(*words)
+
+    for cycles, right in ((19, False), (20, True), (30, True), (31, False)):
+        assert (found(unless_stop(cycles)) == "") == right, cycles
+
+
+def test_every_outcome_of_a_look_has_its_times() -> None:
+    words = dict(receiver())
+    code = Round(words, RAM, 0x60, 0x70, 9)
+    hunting = looks_of(code, 0x80, 0x80)
+    # None there: the sample skips nothing (1) and RETURN (2). A start: 2, and the time is read in cycle 2.
+    assert Look(HUNT, 3, 0, 0) in hunting
+    (start,) = (look for look in hunting if look.kind == START)
+    # The skip over RETURN two cycles, eleven words one each (a skip over ADDLW as long as it), RETURN two.
+    assert (start.sample, start.stamp, start.cycles) == (0, 2, 2 + 11 + 2)
+    assert {look.kind for look in hunting} == {HUNT, START}
+    taking = dict(words) | {0x67: encode("RETURN"), 0x72: encode("RETURN")}
+    looks = looks_of(Round(taking, RAM, 0x60, 0x99, 9), 0x60, 0x80)
+    kinds = {look.kind for look in looks}
+    assert kinds == {WAIT, BIT}
+    assert all((look.stamp, look.sample) == (0, 20) for look in looks)
+    # The time takes six cycles. A broken byte: BTFSC and RETURN; else the skip and six words, then the test
+    # of the carry and RETURN, or the skip, two words and RETURN.
+    assert {look.cycles for look in looks if look.kind == WAIT} == {6 + 1 + 2, 6 + 2 + 6 + 1 + 2}
+    assert {look.cycles for look in looks if look.kind == BIT} == {6 + 2 + 6 + 2 + 2 + 2}
+
+
+def test_a_look_that_stands_still_has_no_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(looks, "MAX_STATES", 50)
+    with pytest.raises(InterruptChanged, match=r"^a look at the line does not end$"):
+        looks_of(round_of(encode("GOTO", k=0x60)), 0x60, 0x80)
