@@ -65,7 +65,9 @@ def new(
     robot: Annotated[
         str | None,
         typer.Option(
-            "--robot", help="The kind of robot: servo, arm, leg, hexapod, hexapod-hip-lift, omni or stream."
+            "--robot",
+            help="The kind of robot: servo, arm, leg, hexapod, hexapod-hip-lift, "
+            "quadruped-hip-lift, omni or stream.",
         ),
     ] = None,
     servo: Annotated[

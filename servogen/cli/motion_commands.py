@@ -37,7 +37,9 @@ def gait(
     robot: Annotated[
         str, typer.Argument(help="A walking robot: a catalogue name or a TOML file.")
     ] = "hexapod",
-    name: Annotated[str, typer.Option("--gait", help="The gait: tripod, ripple or wave.")] = "tripod",
+    name: Annotated[
+        str, typer.Option("--gait", help="The gait: tripod, ripple, wave; crawl, trot; tetrapod.")
+    ] = "tripod",
     duty: Annotated[
         float | None,
         typer.Option(
@@ -92,6 +94,27 @@ def gait(
             min=0,
             max=MAX_MM,
             help="Distance from left to right feet (default: that with the least correction).",
+        ),
+    ] = None,
+    body_shift_mm: Annotated[
+        tuple[float, float],
+        typer.Option(
+            "--body-shift-mm", help="How far forward and to the left the body stands over its feet."
+        ),
+    ] = (0.0, 0.0),
+    body_yaw_deg: Annotated[
+        float, typer.Option("--body-yaw-deg", min=-180, max=180, help="How far it is turned over its feet.")
+    ] = 0.0,
+    body_tilt_deg: Annotated[
+        tuple[float, float],
+        typer.Option(
+            "--body-tilt-deg", help="Its roll and pitch: positive lowers the right side, the front."
+        ),
+    ] = (0.0, 0.0),
+    margin_mm: Annotated[
+        float | None,
+        typer.Option(
+            "--margin-mm", min=0, help="How far inside the other feet it leans before a foot lifts."
         ),
     ] = None,
     beta_sign: Annotated[
@@ -178,7 +201,17 @@ def gait(
         walker,
         rhythm,
         [segment],
-        Posture(_metres(body_height_mm), _metres(stance_width_mm), lift_mm / 1000, beta_sign),
+        Posture(
+            _metres(body_height_mm),
+            _metres(stance_width_mm),
+            lift_mm / 1000,
+            beta_sign,
+            margin=_metres(margin_mm),
+            shift=complex(*body_shift_mm) / 1000,
+            yaw=radians(body_yaw_deg),
+            roll=radians(body_tilt_deg[0]),
+            pitch=radians(body_tilt_deg[1]),
+        ),
         period,
         clock,
         frames_per_cycle=frames,

@@ -24,6 +24,7 @@ MAX_MM, MAX_S = 100_000.0, 1_000_000.0
 Coordinate = Annotated[float, Field(ge=-MAX_MM, le=MAX_MM)]
 Point = tuple[Coordinate, Coordinate, Coordinate]
 Length = Annotated[float, Field(ge=0, le=MAX_MM)]
+Tilt = Annotated[float, Field(ge=-45, le=45)]
 Seconds = Annotated[float, Field(ge=0, le=MAX_S)]
 LawName = Literal["linear", "cubic", "quintic", "trapezoid", "s-curve"]
 Sign = Literal["positive", "negative"]
@@ -165,6 +166,13 @@ class WalkTable(Table):
     lift_mm: float = Field(default=20.0, gt=0, le=MAX_MM)
     body_height_mm: float | None = Field(default=None, gt=0, le=MAX_MM)
     stance_width_mm: float | None = Field(default=None, gt=0, le=MAX_MM)
+    body_shift_mm: tuple[Coordinate, Coordinate] | None = None
+    """How far forward and to the left the body stands from the middle of its feet."""
+    body_yaw_deg: float | None = Field(default=None, ge=-180, le=180)
+    body_tilt_deg: tuple[Tilt, Tilt] | None = None
+    """Roll and pitch: positive lowers the right side, and the front."""
+    margin_mm: float | None = Field(default=None, ge=0, le=MAX_MM)
+    """How far inside the other feet the body leans before a foot lifts."""
     beta_sign: Sign = "positive"
     spring_mm: float | None = Field(default=None, ge=0, le=MAX_MM)
     gap_mm: float = Field(default=12.0, ge=0, le=MAX_MM)

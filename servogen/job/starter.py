@@ -17,7 +17,7 @@ from servogen.job.reader import loads
 from servogen.pulse import plan
 from servogen.robot import servo_models
 
-KINDS = ("servo", "arm", "leg", "hexapod", "hexapod-hip-lift", "omni", "stream")
+KINDS = ("servo", "arm", "leg", "hexapod", "hexapod-hip-lift", "quadruped-hip-lift", "omni", "stream")
 """The kinds of robots, from one servo on a pin to positions over a serial line."""
 
 MODEL = re.compile(r'^model = "([^"]*)"', re.MULTILINE)

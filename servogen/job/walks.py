@@ -174,7 +174,7 @@ class _Walker:
                 self.robot,
                 self.gait,
                 segments,
-                _posture(self.table),
+                posture_of(self.table),
                 self.job.frame.period.cycles,
                 self.job.clock,
                 frames_per_cycle=frames,
@@ -277,12 +277,24 @@ def _segment(forward_mm: float, left_mm: float, turn_deg: float, cycles: float |
     return Segment(forward_mm / 1000, left_mm / 1000, math.radians(turn_deg), cycles)
 
 
-def _posture(table: WalkTable) -> Posture:
+def posture_of(table: WalkTable) -> Posture:
+    """Return how [walk] has the robot stand."""
+    height, width, margin = (
+        None if length is None else length / 1000
+        for length in (table.body_height_mm, table.stance_width_mm, table.margin_mm)
+    )
+    forward, left = table.body_shift_mm or (0.0, 0.0)
+    roll, pitch = table.body_tilt_deg or (0.0, 0.0)
     return Posture(
-        None if table.body_height_mm is None else table.body_height_mm / 1000,
-        None if table.stance_width_mm is None else table.stance_width_mm / 1000,
+        height,
+        width,
         table.lift_mm / 1000,
         1 if table.beta_sign == "positive" else -1,
+        margin=margin,
+        shift=complex(forward, left) / 1000,
+        yaw=math.radians(table.body_yaw_deg or 0.0),
+        roll=math.radians(roll),
+        pitch=math.radians(pitch),
     )
 
 

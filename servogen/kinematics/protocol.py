@@ -64,6 +64,14 @@ class Posture:
 
     In a walk that turns, a leg whose α would bend further with this one takes the other.
     """
+    margin: float | None = None
+    """How far inside the other feet the body leans before a foot lifts; None: 10 mm on four legs (of two
+    joints: 5 mm), else it does not lean; nor with 0.
+    """
+    shift: complex = 0j
+    """How far the body stands from the middle of its feet, x + iy in metres, body frame."""
+    yaw: float = 0.0
+    """The angle by which it is turned over its feet, radians, counter-clockwise."""
     roll: float = 0.0
     """The body's tilt about its x axis, radians: positive lowers its right side."""
     pitch: float = 0.0
@@ -96,6 +104,12 @@ class BodyMotion:
 
 class Stance(Protocol):
     """The legs of a robot that walks in one posture; `leg` is the leg's index, k the joints of a leg."""
+
+    @property
+    def free(self) -> bool:
+        """Return whether a standing foot follows any movement of the body; else only that along its x axis,
+        roughly.
+        """
 
     def neutral(self, leg: int, motion: BodyMotion) -> complex:
         """Return where the foot (x + iy, body frame) is in the middle of its stance."""

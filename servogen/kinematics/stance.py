@@ -182,10 +182,11 @@ def circle_stance(
 
     Raises InputError for a posture that they cannot take.
     """
-    if posture.roll or posture.pitch:
+    if posture.roll or posture.pitch or posture.yaw or posture.shift:
         raise InputError(
             "out-of-reach",
-            "legs of two joints cannot tilt the body: a foot keeps its height only on a level circle",
+            "legs of two joints cannot tilt, turn or shift the body over its feet: each foot has one circle "
+            "at a height, and stands where that follows the way best",
             hint='legs of three joints can: leg = "coxa-femur-tibia"',
         )
     height = posture.body_height
@@ -227,6 +228,11 @@ class CircleStance:
 
     stance_width: float | None
     legs: tuple[LegStance, ...]
+
+    @property
+    def free(self) -> bool:
+        """Return False: a standing foot stays only roughly where the body moves along."""
+        return False
 
     def neutral(self, leg: int, motion: BodyMotion) -> complex:
         """Return where the foot is in the middle of its stance.
@@ -286,6 +292,11 @@ class FreeStance:
     height: float
     branches: tuple[int, ...]
 
+    @property
+    def free(self) -> bool:
+        """Return True."""
+        return True
+
     def neutral(self, leg: int, motion: BodyMotion) -> complex:
         """Return where the foot is in the middle of its stance: straight out, below the knee of a level
         femur, or where the stance width has it.
@@ -326,18 +337,25 @@ class FreeStance:
         return angles
 
 
+def level_centre(posture: Posture, centre: tuple[float, float, float]) -> tuple[float, float]:
+    """Return where a centre of mass in the body's frame is over the ground, from the body's origin."""
+    x, y, _ = (tilt(posture) @ np.array(centre)).tolist()
+    return x, y
+
+
 def tilt(posture: Posture) -> Floats:
     """Return the rotation (3, 3) from the body's frame to its level one: Rot(y, pitch) Rot(x, roll)."""
     return np.asarray(rot("y", posture.pitch) @ rot("x", posture.roll))
 
 
 def free_foothold(leg: CoxaFemurTibia, mount: Mount, posture: Posture) -> complex:
-    """Return where a leg of three joints stands."""
+    """Return where a leg of three joints stands, under a body that is shifted and turned as asked."""
     out = cmath.exp(1j * mount.heading) * (-1j if mount.mirrored else 1j)
     reach = leg.coxa + leg.femur
     if posture.stance_width is not None and abs(out.imag) > MIN_SIDEWAYS:
         reach = (posture.stance_width / 2 - abs(mount.y)) / abs(out.imag)
-    return complex(mount.x, mount.y) + reach * out
+    foothold = complex(mount.x, mount.y) + reach * out
+    return (foothold - posture.shift) * cmath.exp(-1j * posture.yaw)
 
 
 MIN_SIDEWAYS = 0.3

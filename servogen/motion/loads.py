@@ -62,7 +62,7 @@ def loads_of(robot: WalkingRobot, walk: Walk) -> Loads | None:
         return None
     weight = robot.mass * GRAVITY
     stand = (walk.feet + walk.corrections)[:, :, :2]
-    forces = foot_forces(stand, walk.ground, np.array(robot.centre_of_mass[:2]), weight)
+    forces = foot_forces(stand, walk.ground, np.array([walk.centre.real, walk.centre.imag]), weight)
     angles = walk.leg_angles
     standing = np.maximum(walk.ground.sum(axis=1, keepdims=True), 1)
     return Loads(

@@ -149,7 +149,7 @@ def _draw_above(axes: Axes, robot: WalkingRobot, planned: Walk, facts: GaitFacts
         axes.plot(
             *stand.T, "o", color="tab:green", ms=6, label=f"on the ground in frame {facts.margin_frame}"
         )
-    centre = 1000 * np.array(robot.centre_of_mass[:2])
+    centre = 1000 * np.array([planned.centre.real, planned.centre.imag])
     axes.plot(*centre, "k+", ms=12, mew=2, label="centre of mass")
     axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2, frameon=False)
 

@@ -19,7 +19,7 @@ from servogen.motion.gait.quasistatic import rigid_body_path
 from servogen.motion.loads import MIN_LEGS
 from servogen.motion.trajectory import Floats
 from servogen.pulse import PulsePlan
-from servogen.report.tracks import EndError, Track, ends_of, errors_of, tracks_of, worst_of
+from servogen.report.tracks import EndError, Track, ends_of, errors_of, standing_feet, tracks_of, worst_of
 from servogen.robot.servo import Servo
 
 Ints = npt.NDArray[np.int64]
@@ -211,6 +211,5 @@ def rigid_legs_end(job: PlannedJob) -> tuple[float, float, float] | None:
     angles = job.trajectory.angles
     if not isinstance(job.robot, WalkingRobot) or len(ends) < MIN_LEGS or np.isnan(angles).any():
         return None
-    feet = np.stack([end.points(angles) for end in ends], axis=1)
-    x, y, yaw = rigid_body_path(feet, job.robot.centre_of_mass[:2]).pose[-1].tolist()
+    x, y, yaw = rigid_body_path(*standing_feet(job, angles)).pose[-1].tolist()
     return x, y, yaw

@@ -44,8 +44,11 @@ def _rows(arm: Arm, joints: Floats) -> Floats:
 
 
 def leg_sticks(robot: WalkingRobot, planned: Walk) -> tuple[Floats, ...]:
-    """Return the corners (frames, n, 3) of each leg in the body's frame."""
-    return tuple(robot.corners(index, planned.leg_angles[:, index]) for index in range(len(robot.limbs)))
+    """Return the corners (frames, n, 3) of each leg in the body's level frame."""
+    return tuple(
+        robot.corners(index, planned.leg_angles[:, index]) @ planned.level.T
+        for index in range(len(robot.limbs))
+    )
 
 
 def base_outline(base: DrivingRobot, pose: Floats) -> tuple[Floats, ...]:

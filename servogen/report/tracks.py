@@ -19,9 +19,12 @@ from typing import Literal
 import numpy as np
 
 from servogen.job import PlannedJob
+from servogen.job.schema import WalkTable
+from servogen.job.walks import posture_of
 from servogen.kinematics.forward import fk_position
 from servogen.kinematics.jacobian import jacobian
-from servogen.kinematics.protocol import DrivingRobot
+from servogen.kinematics.protocol import DrivingRobot, Posture
+from servogen.kinematics.stance import level_centre, tilt
 from servogen.kinematics.transforms import mount_matrix
 from servogen.motion.drive import positions
 from servogen.motion.trajectory import Floats
@@ -64,6 +67,14 @@ class End:
         ratios = np.array([binding.ratio for binding in self.bindings])
         moved: Floats = np.einsum("nij,nj->ni", slope, change[:, list(self.columns)] / ratios)
         return moved
+
+
+def standing_feet(job: PlannedJob, angles: Floats) -> tuple[Floats, tuple[float, float]]:
+    """Return the feet (n, legs, 3) in the body's level frame, and the centre of mass over the ground."""
+    posture = posture_of(job.section) if isinstance(job.section, WalkTable) else Posture()
+    feet = np.stack([end.points(angles) for end in ends_of(job)], axis=1)
+    centre = getattr(job.robot, "centre_of_mass", (0.0, 0.0, 0.0))
+    return np.asarray(feet @ tilt(posture).T), level_centre(posture, centre)
 
 
 def to_place(place: Floats, points: Floats) -> Floats:

@@ -18,7 +18,7 @@ from servogen.motion.drive import positions
 from servogen.motion.gait.quasistatic import rigid_body_path
 from servogen.motion.gait.steps import Segment
 from servogen.motion.loads import MIN_LEGS
-from servogen.report.tracks import ends_of
+from servogen.report.tracks import ends_of, standing_feet
 
 Floats = npt.NDArray[np.float64]
 
@@ -56,11 +56,10 @@ def planned_of(job: PlannedJob, lead_in_frames: int, loops: int) -> PlannedRoute
         return PlannedRoute(frame_s)
     if ends[0].kind == "tool":
         return PlannedRoute(frame_s, tool=ends[0].points(angles))
-    feet = np.stack([end.points(angles) for end in ends], axis=1)
     if len(ends) < MIN_LEGS:
         return PlannedRoute(frame_s)
-    centre = getattr(job.robot, "centre_of_mass", (0.0, 0.0, 0.0))
-    rigid = rigid_body_path(feet, centre[:2]).pose
+    feet, centre = standing_feet(job, angles)
+    rigid = rigid_body_path(feet, centre).pose
     height = float((-feet[..., 2].min(axis=1)).min())
     way, length = _asked(job, loops)
     return PlannedRoute(frame_s, way, length, rigid, height=height)

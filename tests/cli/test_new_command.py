@@ -48,7 +48,9 @@ def test_every_robot_with_every_servo_is_planned_without_a_warning(run: Run, kin
     assert all(shortest <= width.requested_us <= longest for width in pulses.widths)
 
 
-@pytest.mark.parametrize("kind", ["arm", "leg", "hexapod", "hexapod-hip-lift", "omni", "stream"])
+@pytest.mark.parametrize(
+    "kind", ["arm", "leg", "hexapod", "hexapod-hip-lift", "quadruped-hip-lift", "omni", "stream"]
+)
 def test_check_accepts_every_robot_without_a_warning(run: Run, kind: str) -> None:
     assert run("new", "my.toml", "--robot", kind).code == 0
     ran = run("check", "my.toml")
@@ -79,10 +81,10 @@ def test_a_part_that_could_be_any_servo_is_none(run: Run, spelling: str) -> None
     ("robot", "servo", "message", "hint"),
     [
         (
-            "quadruped",
+            "octopus",
             "sg90",
-            "no job to start from for 'quadruped'",
-            "arm, hexapod, hexapod-hip-lift, leg, omni, servo, stream",
+            "no job to start from for 'octopus'",
+            "arm, hexapod, hexapod-hip-lift, leg, omni, quadruped-hip-lift, servo, stream",
         ),
         (
             "omni",

@@ -18,7 +18,11 @@ LAB8 = (ROOT / "jobs" / "lab8-exercise.toml").read_text()
         (("sim", "main.hex"), "did you mean 'simulate'?", "--help"),
         (("biuld", "job.toml"), "Did you mean 'build'?", "flash"),
         (("check", "--chip", "PIC16F84A", "job.toml"), "see: servogen check --help", "Possible options"),
-        (("gait", "hexapod", "--gait", "trot"), "known: ripple, tripod, wave", "did you mean"),
+        (
+            ("gait", "hexapod", "--gait", "jump"),
+            "known: crawl, ripple, tetrapod, tripod, trot, wave",
+            "did you",
+        ),
         (("gait", "hexapod", "--gait", "tripd"), "did you mean 'tripod'?", "known:"),
         (
             ("flash", "firmware/lab8-exercise/main.hex", "--programmer", "k150"),

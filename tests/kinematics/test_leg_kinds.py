@@ -171,7 +171,7 @@ def test_three_joints_tilt_the_body_over_feet_that_stay_and_two_joints_refuse() 
     for name in ("hexapod", "hexapod-hip-lift"):
         two = robot(name)
         assert isinstance(two, Hexapod)
-        with pytest.raises(InputError, match="legs of two joints cannot tilt the body"):
+        with pytest.raises(InputError, match="legs of two joints cannot tilt, turn or shift the body"):
             two.stance(Posture(roll=0.1), [])
 
 

@@ -15,7 +15,7 @@ import pytest
 from servogen.errors import InputError
 from servogen.job import load, plan_job
 from servogen.kinematics.protocol import BodyMotion, Posture
-from servogen.motion.gait.phases import NAMES, gait
+from servogen.motion.gait.phases import gait
 from servogen.motion.gait.steps import Segment
 from servogen.motion.gait.walk import Walk, walk
 from servogen.units import Clock, Cycles
@@ -58,7 +58,7 @@ def loop(made: Walk) -> slice:
     return slice(made.trajectory.loop_start, None)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", ("tripod", "ripple", "wave"))
 @pytest.mark.parametrize("way", FEET_MM)
 def test_each_foot_is_on_the_line_when_its_circle_touches_the_ground_circle(name: str, way: str) -> None:
     segment, wanted = FEET_MM[way]
@@ -119,7 +119,7 @@ def test_the_centre_of_rotation_is_the_point_that_does_not_move(segment: Segment
     assert complex(segment.forward, segment.left) + 1j * segment.turn * found == pytest.approx(0)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", ("tripod", "ripple", "wave"))
 def test_the_feet_step_on_the_spot_before_and_after_a_turn(name: str) -> None:
     made = walked(replace(ON_THE_SPOT, cycles=2), name=name)
     angles = made.trajectory.angles.reshape(-1, 6, 2)

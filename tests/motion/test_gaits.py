@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from servogen.errors import InputError
-from servogen.motion.gait.phases import NAMES, Gait, custom, gait
+from servogen.motion.gait.phases import Gait, custom, gait
 from servogen.motion.gait.stability import margin, support_polygon
 from tests.motion.robots import hexapod
 
@@ -26,7 +26,7 @@ def test_the_named_gaits_always_have_as_many_legs_in_the_air(name: str, duty: in
         assert len(in_the_air(made, Fraction(twelfth, 24))) == airborne
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", ("tripod", "ripple", "wave"))
 def test_no_two_neighbours_are_ever_in_the_air_together(name: str) -> None:
     neighbours = [("L1", "L2"), ("L2", "L3"), ("R1", "R2"), ("R2", "R3"), ("L1", "R1"), ("L3", "R3")]
     for twelfth in range(1, 24, 2):
@@ -75,7 +75,7 @@ def test_an_unknown_gait_is_refused_with_the_nearest() -> None:
 
 
 def test_a_named_gait_needs_three_legs_on_each_side() -> None:
-    with pytest.raises(InputError, match="three legs on each side: hexapod has 1 on the left and 0"):
+    with pytest.raises(InputError, match="three or four legs on each side: hexapod has 1 on the left and 0"):
         gait("wave", hexapod().with_leg("L1"))
 
 
@@ -138,7 +138,7 @@ def test_on_frames_every_leg_lifts_and_lands_on_one_and_the_order_stays(
                 assert made.swing + new <= 1, (one, other)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", ("tripod", "ripple", "wave"))
 def test_a_gait_that_is_on_the_frames_already_is_not_moved(name: str) -> None:
     asked = gait(name, hexapod())
     assert asked.on_frames(48) == asked

@@ -26,6 +26,8 @@ import numpy.typing as npt
 
 from servogen.errors import InputError
 from servogen.kinematics.protocol import BodyMotion, Posture, Stance, WalkingRobot
+from servogen.kinematics.stance import level_centre
+from servogen.motion.gait.lean import STILL, Complexes, Lean, least_rest, offset_over, one_at_a_time
 from servogen.motion.gait.phases import Gait
 from servogen.motion.gait.steps import SAME_M, Segment, Steps, cruise_of, steps
 from servogen.motion.trajectory import Floats
@@ -45,18 +47,27 @@ BEYOND_SAMPLES = 201
 SAME_SHARE = 1e-6
 """The tolerance of a share of a swing's way."""
 
+FOUR_LEGS_M = {True: 0.01, False: 0.005}
+"""The margin for which a body on four legs leans unless another is stated, by whether its feet follow freely:
+three feet alone hardly carry it, and feet of legs of two joints slip when it leans.
+"""
+
 RISE_SAMPLES = 2001
 """The number of samples of a foot's rise, from which its sideways movement meanwhile is computed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frames:
-    """`angles` (frames, legs, k), `feet` and `corrections` (frames, legs, 3), `ground` (frames, legs)."""
+    """`angles` (frames, legs, k), `feet` and `corrections` (frames, legs, 3), `ground` (frames, legs).
+
+    `lean` (frames,) is the offset of the body, x + iy, from where its route has it.
+    """
 
     angles: Floats
     feet: Floats
     ground: npt.NDArray[np.bool_]
     corrections: Floats
+    lean: Complexes
 
     @property
     def first(self) -> Frames:
@@ -73,8 +84,16 @@ class Frames:
         """Return all frames but the last."""
         return self._part(slice(0, -1))
 
+    @property
+    def holds(self) -> Complexes:
+        """Return where the feet of the first frame stand (legs,), as the route has the body."""
+        stands = self.feet[0] + self.corrections[0]
+        return np.asarray(stands[:, 0] + 1j * stands[:, 1] + self.lean[0])
+
     def _part(self, rows: slice) -> Frames:
-        return Frames(self.angles[rows], self.feet[rows], self.ground[rows], self.corrections[rows])
+        return Frames(
+            self.angles[rows], self.feet[rows], self.ground[rows], self.corrections[rows], self.lean[rows]
+        )
 
 
 def joined(parts: Sequence[Frames]) -> Frames:
@@ -84,6 +103,7 @@ def joined(parts: Sequence[Frames]) -> Frames:
         np.concatenate([part.feet for part in parts]),
         np.concatenate([part.ground for part in parts]),
         np.concatenate([part.corrections for part in parts]),
+        np.concatenate([part.lean for part in parts]),
     )
 
 
@@ -115,6 +135,10 @@ class Footwork:
     gait: Gait
     beyond: float = 0.0
     """The share of its way by which a swing of a walking body goes farther beyond its foothold."""
+    centre: complex = 0j
+    """The centre of mass, seen from above."""
+    margin: float | None = None
+    """How far inside the other feet the body leans before a foot lifts, metres; None: it does not lean."""
 
     def motion(self, segment: Segment) -> BodyMotion:
         """Return the body's motion in a cycle of a segment."""
@@ -225,6 +249,8 @@ class Footwork:
         old, new = here.angles[0], there.angles[0]
         stepping = np.abs(new - old).max(axis=1) > SAME_RAD
         stepping |= np.abs(there.corrections[0] - here.corrections[0]).max(axis=1) > SAME_M
+        if self.margin is not None:
+            return self._leaning_on_the_spot(here, there, count)
         if not stepping.any():
             return ()
         lifts = np.array([float(lift) for _, lift in self.gait.lifts])
@@ -242,7 +268,66 @@ class Footwork:
             feet[:, index] = self.stance.feet(index, angles[:, index])
         ground = (share == 0) | (share == 1)
         corrections = np.where((share == 1)[:, :, None], there.corrections[0], here.corrections[0])
-        return (Frames(angles, feet, ground, np.where(ground[:, :, None], corrections, 0.0)),)
+        still = np.zeros(len(time), complex)
+        return (Frames(angles, feet, ground, np.where(ground[:, :, None], corrections, 0.0), still),)
+
+    def _leaning_on_the_spot(self, here: Frames, there: Frames, count: int) -> tuple[Frames, ...]:
+        """Return the frames in which feet step from one footing to another, the body leaning before each."""
+        old, new = here.holds, there.holds
+        stepping = np.abs(new - old) > SAME_M
+        if not stepping.any() and abs(there.lean[0] - here.lean[0]) <= SAME_M:
+            return ()
+        swing, rest = float(self.gait.swing), float(least_rest(self.gait))
+        order = sorted(np.flatnonzero(stepping), key=lambda leg: self.gait.lifts[leg][1])
+        times, offsets, holds = [0.0], [complex(here.lean[0])], old.copy()
+        for leg in order:
+            others = np.delete(holds, leg)
+            offset = offset_over([others], self.centre, self.margin or 0.0, along_x=not self.stance.free)
+            times += [times[-1] + rest, times[-1] + rest + swing]
+            offsets += [offset, offset]
+            holds[leg] = new[leg]
+        lean = Lean(np.array([*times, times[-1] + rest]), np.array([*offsets, complex(there.lean[0])]))
+        time = np.arange(round(lean.times[-1] * count)) / count
+        moved = lean.at(time)
+        parts = []
+        for leg in range(len(self.legs)):
+            lifts = times[1 + 2 * order.index(leg)] if leg in order else math.inf
+            share = np.clip((time - lifts) / swing, 0.0, 1.0)
+            share = np.round(share * swing * count) / (swing * count)
+            stands = np.where(share < 1, old[leg], new[leg]) - moved
+            angles = self.stance.angles(leg, stands)
+            flying = (share > 0) & (share < 1)
+            if flying.any():
+                first, last = self.stance.angles(
+                    leg, np.array([old[leg], new[leg]]) - lean.at(np.array([lifts]))
+                )
+                way = first + (last - first) * swing_share(share[flying], 0.0)[:, None]
+                angles[flying] = self.stance.lifted(leg, way, bump(share[flying]))
+            feet = self.stance.feet(leg, angles)
+            correction = np.stack([stands.real, stands.imag, feet[:, 2]], axis=1) - feet
+            parts.append((angles, feet, ~flying, np.where(flying[:, None], 0.0, correction)))
+        return (Frames(*(np.stack(column, axis=1) for column in zip(*parts, strict=True)), moved),)
+
+    def _lean(self, segment: Segment, begin: float, end: float) -> Lean:
+        """Return how the body leans in a segment: as in the steady walk, at every lift from begin to end."""
+        if self.margin is None:
+            return STILL
+        motion, duty, swing = self.motion(segment), float(self.gait.duty), float(self.gait.swing)
+        neutral = np.array([self.stance.neutral(index, motion) for index in range(len(self.legs))])
+        lifts = np.array([float(lift) for _, lift in self.gait.lifts])
+        rows = []
+        for leg, lift in enumerate(lifts):
+            polygons = []
+            for time in (lift, lift + swing):
+                # Since the middle of each stance, in cycles; a foot is where the body has left it since.
+                since = (time - (lifts - duty / 2) + 0.5) % 1 - 0.5
+                position, heading = segment.travelled(since)
+                polygons.append(np.delete((neutral - position) * np.exp(-1j * heading), leg))
+            offset = offset_over(polygons, self.centre, self.margin, along_x=not self.stance.free)
+            for cycle in range(math.floor(begin) - 1, math.ceil(end) + 2):
+                rows += [(cycle + lift, offset), (cycle + lift + swing, offset)]
+        times, offsets = zip(*sorted(rows, key=lambda row: row[0]), strict=True)
+        return Lean(np.array(times), np.array(offsets))
 
     def frames(self, segment: Segment, count: int) -> Frames:
         """Return one segment at `count` frames per cycle, from the last frame in which all feet stand.
@@ -262,28 +347,31 @@ class Footwork:
         # at rest.
         begin = min(float(leg.lifts.min(initial=0.0)) for leg in legs)
         if cycles is None:
-            return self._placed(legs, np.arange(round(begin * count), count) / count)
+            return self._placed(
+                legs, np.arange(round(begin * count), count) / count, self._lean(segment, begin, 1.0)
+            )
         end = max(float(leg.lands.max(initial=cruise.stop)) for leg in legs)
-        return self._placed(legs, np.arange(round(begin * count), round(end * count) + 1) / count)
+        time = np.arange(round(begin * count), round(end * count) + 1) / count
+        return self._placed(legs, time, self._lean(segment, begin, end))
 
-    def _placed(self, legs: Sequence[Steps], time: Floats) -> Frames:
+    def _placed(self, legs: Sequence[Steps], time: Floats, lean: Lean = STILL) -> Frames:
         """Return the frames of all legs at these times."""
-        parts = [self._leg(index, leg, time) for index, leg in enumerate(legs)]
+        parts = [self._leg(index, leg, time, lean) for index, leg in enumerate(legs)]
         angles, feet, ground, corrections = (np.stack(column, axis=1) for column in zip(*parts, strict=True))
-        return Frames(angles, feet, ground, corrections)
+        return Frames(angles, feet, ground, corrections, lean.at(time))
 
     def _leg(
-        self, index: int, leg: Steps, time: Floats
+        self, index: int, leg: Steps, time: Floats, lean: Lean
     ) -> tuple[Floats, Floats, npt.NDArray[np.bool_], Floats]:
         """Return one leg's angles, feet, ground and corrections."""
         swing = leg.swing_at(time)
-        footholds = leg.standing(time)
+        footholds = leg.standing(time) - lean.at(time)
         angles = self.stance.angles(index, footholds)
         in_place = np.zeros(time.shape, dtype=bool)
         for number in range(len(leg.lifts)):
             cut = leg.cut(number, time)
             mine = cut | (swing == number)
-            angles[mine] = self._swing(index, leg, number, time[mine])
+            angles[mine] = self._swing(index, leg, number, time[mine], lean)
             # A foot that a cut swing has put in place stands where its joints put it, without a correction.
             in_place |= cut
         feet = self.stance.feet(index, angles)
@@ -291,10 +379,13 @@ class Footwork:
         correction = np.stack([footholds.real, footholds.imag, feet[:, 2]], axis=1) - feet
         return angles, feet, ground, np.where((ground & ~in_place)[:, None], correction, 0.0)
 
-    def _swing(self, index: int, leg: Steps, number: int, time: Floats) -> Floats:
+    def _swing(self, index: int, leg: Steps, number: int, time: Floats, lean: Lean) -> Floats:
         """Return the angles (n, k) of one swing, whose turn progresses only while the body moves."""
         start, end = float(leg.lifts[number]), float(leg.lands[number])
-        first, last = (self.stance.angles(index, foothold) for foothold in leg.ends(number))
+        first, last = (
+            self.stance.angles(index, foothold - lean.at(np.array([when])))
+            for foothold, when in zip(leg.ends(number), (start, end), strict=True)
+        )
         # The foot moves over the ground only while the body moves, but it rises and comes down in any case.
         turned = (np.clip(time, 0.0, leg.cruise.stop) - start) / (end - start)
         share = swing_share(turned, float(self.gait.swing / self.gait.duty), self.beyond)
@@ -308,7 +399,21 @@ def footwork(robot: WalkingRobot, gait: Gait, posture: Posture, segments: Sequen
     Raises InputError for a posture that its legs cannot take.
     """
     motions = [body_motion(segment, gait) for segment in segments]
-    return Footwork(tuple(leg.name for leg in robot.limbs), robot.stance(posture, motions), gait)
+    names, (x, y) = tuple(leg.name for leg in robot.limbs), level_centre(posture, robot.centre_of_mass)
+    stance, margin = robot.stance(posture, motions), posture.margin
+    if margin is None and len(names) == 4:
+        margin = FOUR_LEGS_M[stance.free]
+    if not margin:
+        margin = None
+    elif not one_at_a_time(gait):
+        if posture.margin is not None:
+            raise InputError(
+                "conflicting-keys",
+                f"the gait '{gait.name}' leaves no time in which the body could lean before a foot lifts",
+                hint="a gait that lifts one foot after the other, and some time later, as crawl does",
+            )
+        margin = None
+    return Footwork(names, stance, gait, 0.0, complex(x, y), margin)
 
 
 def body_motion(segment: Segment, gait: Gait, beyond: float = 0.0) -> BodyMotion:

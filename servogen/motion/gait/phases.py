@@ -98,36 +98,54 @@ class PhaseChange:
         )
 
 
-# Name -> duty factor, and for left and right legs from the front to the rear when they lift, in sixths.
-_TABLE: Mapping[str, tuple[Fraction, tuple[int, int, int], tuple[int, int, int]]] = {
-    "tripod": (3 * SIXTH, (0, 3, 0), (3, 0, 3)),
-    "ripple": (4 * SIXTH, (4, 2, 0), (1, 5, 3)),
-    "wave": (5 * SIXTH, (2, 1, 0), (5, 4, 3)),
+EIGHTH = Fraction(1, 8)
+
+Times = tuple[int, ...]
+
+# Name -> for each number of legs on a side: duty factor, unit of time, and for left and right legs from the
+# front to the rear when they lift, in that unit.
+_TABLE: Mapping[str, Mapping[int, tuple[Fraction, Fraction, Times, Times]]] = {
+    "tripod": {3: (3 * SIXTH, SIXTH, (0, 3, 0), (3, 0, 3))},
+    "ripple": {3: (4 * SIXTH, SIXTH, (4, 2, 0), (1, 5, 3))},
+    "wave": {
+        3: (5 * SIXTH, SIXTH, (2, 1, 0), (5, 4, 3)),
+        4: (7 * EIGHTH, EIGHTH, (3, 2, 1, 0), (7, 6, 5, 4)),
+    },
+    "crawl": {2: (7 * EIGHTH, EIGHTH, (2, 0), (6, 4))},
+    "trot": {2: (4 * EIGHTH, EIGHTH, (0, 4), (4, 0))},
+    "tetrapod": {4: (4 * EIGHTH, EIGHTH, (0, 4, 0, 4), (4, 0, 4, 0))},
 }
 
 NAMES = tuple(_TABLE)
 
 
 def gait(name: str, robot: WalkingRobot) -> Gait:
-    """Return the named gait for a robot with three legs on each side. Raises InputError."""
+    """Return the named gait for a robot with as many legs on each side as it is for. Raises InputError."""
     if name not in _TABLE:
         raise InputError("unknown-name", f"unknown gait '{name}'", hint=did_you_mean(name, NAMES))
-    duty, *sixths = _TABLE[name]
     mounts = sorted(mounts_of(robot), key=lambda mount: -mount.x)
     sides = [[mount.name for mount in mounts if mount.mirrored == right] for right in (False, True)]
-    if [len(side) for side in sides] != [3, 3]:
+    counts = [len(side) for side in sides]
+    if counts[0] != counts[1] or counts[0] not in _TABLE[name]:
+        wanted = " or ".join(NUMBERS[count] for count in _TABLE[name])
+        fitting = [other for other, table in _TABLE.items() if counts[0] == counts[1] and counts[0] in table]
         raise InputError(
             "unknown-name",
-            f"the gait '{name}' is for three legs on each side: {robot.name} has "
-            f"{len(sides[0])} on the left and {len(sides[1])} on the right",
-            hint="give a duty factor and the phase of each leg",
+            f"the gait '{name}' is for {wanted} legs on each side: {robot.name} has "
+            f"{counts[0]} on the left and {counts[1]} on the right",
+            hint=(f"its gaits: {', '.join(fitting)}; or " if fitting else "")
+            + "give a duty factor and the phase of each leg",
         )
+    duty, unit, *sideways = _TABLE[name][counts[0]]
     lifts = {
-        leg: time * SIXTH
-        for side, times in zip(sides, sixths, strict=True)
+        leg: time * unit
+        for side, times in zip(sides, sideways, strict=True)
         for leg, time in zip(side, times, strict=True)
     }
     return custom(name, duty, lifts, robot)
+
+
+NUMBERS = {2: "two", 3: "three", 4: "four"}
 
 
 def custom(

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from servogen.errors import InputError
 from servogen.kinematics.protocol import Posture, WalkingRobot
+from servogen.kinematics.stance import tilt
 from servogen.motion.gait.collisions import GAP_M, nearest_collision
 from servogen.motion.gait.footwork import MAX_BEYOND, Frames, HeldBack, footwork, joined
 from servogen.motion.gait.phases import Gait, PhaseChange
@@ -101,6 +102,10 @@ class Walk:
     """The feet that joint limits keep off the line from the centre of rotation."""
     liftoff_slide_m: float
     """The distance that a foot moves sideways until it has risen by `FIRST_M`."""
+    centre: complex = 0j
+    """The centre of mass over the ground, x + iy from the body's origin."""
+    level: Floats = field(default_factory=lambda: np.eye(3))
+    """The rotation (3, 3) from the body's frame to its level one, in which the feet are."""
     beyond: float = 0.0
     """The share of its way by which a swing goes farther beyond its foothold to take up `lost`."""
     lost: float = 0.0
@@ -285,7 +290,7 @@ def walk(
     trajectory = JointTrajectory(
         joints=tuple(joints), clock=clock, period=period, angles=angles, loop_start=loop_start
     )
-    margins = _margins(robot, frames, loop_start)
+    margins = _margins(plan.centre, frames, loop_start)
     changes = rounded.changes_from(gait, count)
     result = Walk(
         trajectory=trajectory,
@@ -299,6 +304,8 @@ def walk(
         centres=tuple(plan.motion(segment).centre for segment in segments),
         held_back=tuple(plan.held_back(segments)),
         liftoff_slide_m=plan.liftoff_slide_m(FIRST_M),
+        centre=plan.centre,
+        level=tilt(posture),
         beyond=plan.beyond,
         lost=lost,
         changes=changes,
@@ -321,16 +328,16 @@ def _whole(gait: Gait, frames: int) -> int:
     return -(-frames // gait.grain) * gait.grain if gait.grain <= MAX_GRAIN else frames
 
 
-def _margins(robot: WalkingRobot, frames: Frames, loop_start: int) -> Floats:
+def _margins(over: complex, frames: Frames, loop_start: int) -> Floats:
     """Return the minimum stability margin during each frame, inf for one or two legs, which something else
     supports.
 
     The feet that stand at its beginning stand up to its end. As they move in a straight line under the body,
     the margin is smallest at one of the two: at the end, where a foot lands only then.
     """
-    if len(robot.limbs) < 3:
+    if frames.ground.shape[1] < 3:
         return np.full(len(frames.angles), math.inf)
-    centre = np.array(robot.centre_of_mass[:2])
+    centre = np.array([over.real, over.imag])
     following = np.append(np.arange(1, len(frames.angles)), loop_start)
     stays = (frames.ground & frames.ground[following])[:, :, None]
     begin = (frames.feet + frames.corrections)[:, :, :2]

@@ -85,6 +85,10 @@ class DogStance:
     height: float
     lift: float
 
+    @property
+    def free(self) -> bool:
+        return True
+
     def neutral(self, leg: int, motion: BodyMotion) -> complex:
         point = to_body(self.dog.mounts[leg], np.array([0.0, 0.12, 0.0]))
         return complex(point[0], point[1])
