@@ -278,7 +278,7 @@ class Footwork:
         if not stepping.any() and abs(there.lean[0] - here.lean[0]) <= SAME_M:
             return ()
         swing, rest = float(self.gait.swing), float(least_rest(self.gait))
-        order = sorted(np.flatnonzero(stepping), key=lambda leg: self.gait.lifts[leg][1])
+        order = sorted(np.flatnonzero(stepping).tolist(), key=lambda leg: self.gait.lifts[leg][1])
         times, offsets, holds = [0.0], [complex(here.lean[0])], old.copy()
         for leg in order:
             others = np.delete(holds, leg)
@@ -306,7 +306,8 @@ class Footwork:
             feet = self.stance.feet(leg, angles)
             correction = np.stack([stands.real, stands.imag, feet[:, 2]], axis=1) - feet
             parts.append((angles, feet, ~flying, np.where(flying[:, None], 0.0, correction)))
-        return (Frames(*(np.stack(column, axis=1) for column in zip(*parts, strict=True)), moved),)
+        angles, feet, ground, corrections = (np.stack(column, axis=1) for column in zip(*parts, strict=True))
+        return (Frames(angles, feet, ground, corrections, moved),)
 
     def _lean(self, segment: Segment, begin: float, end: float) -> Lean:
         """Return how the body leans in a segment: as in the steady walk, at every lift from begin to end."""
