@@ -86,6 +86,8 @@ class PageFacts:
     capture: CaptureFacts | None = None
     not_built: str = ""
     twin: TwinFacts | None = None
+    theorem: str = ""
+    """What is known of the job's program in one run and in all runs."""
 
 
 def html_page(facts: PageFacts) -> str:
@@ -110,6 +112,7 @@ def _values(facts: PageFacts) -> dict[str, object]:
         "title": job.name,
         "state": _state(facts),
         "distance": _distance(facts),
+        "theorem": facts.theorem,
         "tiles": tuple(_tiles(facts)),
         "chip": f"{job.device.name}, {job.clock.hz / 1e6:g} MHz crystal ({oscillator_for(job.clock.hz)}); "
         f"one instruction cycle is {float(job.clock.cycle_us):g} µs",

@@ -193,8 +193,10 @@ def theorem_of(subject: Subject) -> str:
     if subject.image is None or subject.schedule is None or subject.first_difference is not None:
         return ""
     text = subject.schedule.json_text().encode()
-    verdict = kept([beside(subject.path)], subject.image, text)
-    return f"all runs: {verdict.text}" + (": servogen build --prove" if verdict.missing else "")
+    built = subject.path
+    if subject.job is not None and built.suffix.lower() == JOB_SUFFIX:
+        built = Path("build") / subject.job.name / "main.hex"
+    return kept([beside(built)], subject.image, text).sentence
 
 
 def _recorded(path: Path, setting: Setting, progress: Callable[[str], None]) -> Subject:

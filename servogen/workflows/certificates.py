@@ -35,6 +35,11 @@ class CertificateVerdict:
     valid: bool
     missing: bool = False
 
+    @property
+    def sentence(self) -> str:
+        """Return what a page says of it beside the verdict on one run."""
+        return f"all runs: {self.text}" + (": servogen build --prove" if self.missing else "")
+
 
 @dataclass(frozen=True, slots=True)
 class Witnessed:

@@ -23,8 +23,10 @@ from servogen.twin import TwinVerdict
 from servogen.twin.pictures import page_facts
 from servogen.verify import CaptureVerdict
 from servogen.verify.capture.check import split
+from servogen.workflows.certificates import beside as certificate_of
+from servogen.workflows.certificates import kept
 from servogen.workflows.engines import with_end_error
-from servogen.workflows.job_build import Build, Progress, build, program_facts
+from servogen.workflows.job_build import Build, Progress, build, hex_name, program_facts
 from servogen.workflows.twinning import twin_of_build
 from servogen.workflows.verification import hidden_by, judge_capture, judge_file, motion_cycles, running
 
@@ -82,10 +84,12 @@ def page_of(
     if twin:
         progress("moving the robot")
         moved = twin_of_build(job, result)
+    progress("checking a proof")
+    theorem = _theorem(result)
     progress("writing the page")
     beside = capture_facts(result.plan.schedule, capture, rate, wires) if capture else None
     seen = beside.verdict if beside else None
-    facts = replace(_facts(result, beside), twin=page_facts(moved) if moved else None)
+    facts = replace(_facts(result, beside), twin=page_facts(moved) if moved else None, theorem=theorem)
     return ReportPage(
         html=html_page(facts),
         programs_exact=result.exact,
@@ -94,6 +98,16 @@ def page_of(
         capture=seen,
         twin=moved,
     )
+
+
+def _theorem(result: Build) -> str:
+    """Return what is proven of the job's own program, if one run of it is exact."""
+    own = result.programs[0]
+    if not own.exact:
+        return ""
+    file = Path("build") / result.job.name / hex_name(result, own)
+    verdict = kept([certificate_of(file)], own.image, result.plan.schedule.json_text().encode())
+    return f"one run: exact; {verdict.sentence}"
 
 
 def _facts(result: Build, capture: CaptureFacts | None) -> PageFacts:

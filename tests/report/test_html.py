@@ -313,3 +313,20 @@ def test_a_program_that_is_not_proven_says_why_and_when_it_was_late(
     facts = ProgramFacts("c2c", "main.c", "main.hex", 100, 20, verdict, (), overrun)
     assert program_values(facts)["start"] == ("12000 µs after reset" if exact else None)
     assert list(program_values(facts)["reasons"]) == said  # type: ignore[call-overload]
+
+
+def test_the_page_says_what_is_proven_beside_one_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of exactly this program and schedule: the certificate of another one counts for nothing."""
+    from servogen.watch.subject import Setting, load_subject, theorem_of
+
+    job = ROOT / "jobs" / "lab8-exercise.toml"
+    kept = tmp_path / "build" / "lab8-exercise" / "main.cert.xz"
+    kept.parent.mkdir(parents=True)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+    unknown, proven = "all runs: not proven yet: servogen build --prove", "all runs: proven, checked"
+    for certificate, said in ((None, unknown), ("lab9-exercise", unknown), ("lab8-exercise", proven)):
+        if certificate is not None:
+            kept.write_bytes((ROOT / "certificates" / certificate / "main.cert.xz").read_bytes())
+        assert f"<p>one run: exact; {said}</p>" in page_of(plan_job(load(job))).html
+        assert theorem_of(load_subject(job, Setting())) == said
