@@ -14,8 +14,6 @@ from tools import pictures
 
 ROOT = Path(__file__).parent.parent
 COMMANDS = pictures.commands()
-BY_HAND = "watch-*.png"
-"""Pictures of the page that no command makes."""
 QUICK = sorted(COMMANDS.keys() - pictures.SLOW.keys())
 MOST_PIXELS = 20
 """Less than one digit."""
@@ -45,7 +43,7 @@ def draw(run: Run, command: str, folder: Path) -> None:  # noqa: F811
 
 def test_every_picture_has_its_command_beside_it() -> None:
     there = {path.name for path in pictures.FOLDER.iterdir() if path.suffix in pictures.SUFFIXES}
-    assert there == COMMANDS.keys() | {path.name for path in pictures.FOLDER.glob(BY_HAND)}
+    assert there == COMMANDS.keys()
     assert pictures.SLOW.keys() <= COMMANDS.keys()
 
 

@@ -21,12 +21,24 @@ FOLDER = ROOT / "docs" / "pictures"
 SOURCES = FOLDER / "SOURCES"
 SUFFIXES = (".png", ".gif")
 
+WATCH = [f"templates/watch/{name}" for name in ("colours.css", "index.html", "style.css")]
 SLOW = {
     "gait-ripple.gif": ["servogen/robot/catalogue/robots/hexapod.toml", "docs/pictures/gait-wave.png"],
     "twin-turn.gif": ["firmware/hexapod-turn/main.hex", "jobs/hexapod-turn.toml"],
     "twin-turn.png": ["firmware/hexapod-turn/main.hex", "jobs/hexapod-turn.toml"],
     "walk-on-command.png": ["firmware/hexapod-command/main.hex", "docs/pictures/command.py"],
     "report.png": ["firmware/lab8-exercise/report.txt", "templates/report.html.j2"],
+    **{
+        f"watch-{name}.png": ["docs/pictures/watch.py", *files]
+        for names, files in (
+            (("hexapod", "projector", "phone", "bodies"), [*WATCH, "firmware/hexapod-tripod/main.hex"]),
+            (("job", "timeline", "difference"), [*WATCH, "firmware/lab8-exercise/main.hex"]),
+            (("why", "capture"), WATCH),
+            (("report",), ["firmware/hexapod-tripod/main.hex", "templates/report.html.j2"]),
+            (("film", "class"), ["templates/watch/colours.css"]),
+        )
+        for name in names
+    },
 }
 """Pictures that take too long to be drawn in a test, and the files whose contents they show."""
 
@@ -59,6 +71,7 @@ def sources() -> str:
 
 def main(names: list[str]) -> None:
     stated = commands()
+    (ROOT / "build").mkdir(exist_ok=True)
     for command in dict.fromkeys(stated[name] for name in names or sorted(stated)):
         for line in command.splitlines():
             tool, *words = shlex.split(line)

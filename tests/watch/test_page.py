@@ -164,6 +164,9 @@ def test_from_a_wrong_edge_a_step_back_leads_to_its_line(watch: Open, tmp_path: 
     program.write_text(wrong)
     page = watch(program, folder / "schedule.json")
     assert "first difference at" in text(page, "#difference-text")
+    style = "getComputedStyle(document.getElementById('verdict'))"
+    assert text(page, "#verdict") == "NOT exact"
+    assert page.run(f"{style}.color !== {style}.backgroundColor"), "the badge can be read"
     page.click("#difference")
     difference = page.until("watched.latest.cycle > 100 && watched.latest.cycle")
     assert "arm low" in page.until("document.querySelector('.line.here')?.textContent")  # it comes too late
