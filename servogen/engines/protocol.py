@@ -14,7 +14,7 @@ from typing import Protocol
 
 from servogen.engines.firmware import Firmware
 from servogen.engines.inputs import EngineInput
-from servogen.errors import Location
+from servogen.errors import Diagnostic, Location
 from servogen.motion import JointTrajectory, Part
 from servogen.motion.gait.commands import CommandedDirection
 from servogen.pic.device import Device
@@ -41,6 +41,10 @@ class FirmwareChoice(Protocol):
 
     @property
     def max_error_us(self) -> float: ...
+
+    @property
+    def precise(self) -> bool:
+        """Return whether the pulses should be as close as flash allows, below `max_error_us`."""
 
 
 class EngineJob(Protocol):
@@ -95,6 +99,7 @@ class EnginePlan:
     """Bytes of tables that hold the motion; 0 if it is in the program itself."""
     tour: tuple[JointTrajectory, PulseSchedule] | None = None
     """All frames that the program can play, as planned and as made, where `plan` has only some of them."""
+    notes: tuple[Diagnostic, ...] = ()
 
 
 class Engine(Protocol):

@@ -35,6 +35,8 @@ class FirmwareSettings:
     soft_start_s: Fraction
     max_error_us: float
     """The maximum deviation of a pulse from the planned one."""
+    precise: bool
+    """Whether the job does not state it: then the pulses are as close as flash allows."""
     soft_start_place: Location | None = None
 
 

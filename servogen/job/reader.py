@@ -27,6 +27,7 @@ from servogen.errors import InputError, Location, did_you_mean
 from servogen.job.job import FirmwareSettings, Job
 from servogen.job.rig import rig_of
 from servogen.job.schema import (
+    MAX_ERROR_US,
     SECTIONS,
     CommandsTable,
     DirectionPins,
@@ -76,7 +77,8 @@ def firmware_of(
         dialect=wanted.dialect,
         engine=wanted.engine,
         soft_start_s=exact(wanted.soft_start_s),
-        max_error_us=wanted.max_error_us,
+        max_error_us=MAX_ERROR_US if wanted.max_error_us is None else wanted.max_error_us,
+        precise=wanted.max_error_us is None,
         soft_start_place=document.place("firmware", "soft_start_s"),
     )
     return firmware, inputs

@@ -248,6 +248,10 @@ class FrameTable(Table):
     """The maximum number of pulses that start together, which limits the peak current."""
 
 
+MAX_ERROR_US = 10.0
+"""The maximum deviation of a pulse of a job that states none."""
+
+
 class FirmwareTable(Table):
     """[firmware]"""
 
@@ -255,8 +259,10 @@ class FirmwareTable(Table):
     engine: EngineName = "auto"
     soft_start_s: Seconds = 1.0
     """How long the player holds the neutral pose with its first pulses."""
-    max_error_us: float = Field(default=10.0, gt=0, le=1000)
-    """The maximum deviation of a pulse from the planned one; a job that exceeds it is not built."""
+    max_error_us: float | None = Field(default=None, gt=0, le=1000)
+    """The maximum deviation of a pulse from the planned one; a job that exceeds it is not built. None: as
+    small as flash allows, and at most MAX_ERROR_US.
+    """
     start_pin: PinName | None = None
     """The pin of the start button; the player repeats its first frame until the button is pressed."""
     start_level: Literal["low", "high"] = "low"

@@ -151,7 +151,7 @@ def _played_by(name: str, job: PlannedJob) -> PlayedJob:
             f"{error.text()} from the plan: max_error_us allows {limit:g} µs{_bent(job)}",
             job.document.place("firmware", "max_error_us"),
         )
-    motion = replace(job, trajectory=played.trajectory)
+    motion = replace(job, trajectory=played.trajectory, notes=(*job.notes, *played.notes))
     return PlayedJob(
         job=motion,
         engine=name,

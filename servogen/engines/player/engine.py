@@ -6,9 +6,10 @@ one slot until the kernel reads the timer for the next, over all paths of the pr
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cache, partial
+from typing import Any
 
 from servogen.compiler import WORDS_NEEDED, Options
 from servogen.engines.firmware import Firmware, ResourceError, TimingBudget, compiled_to_fit
@@ -18,7 +19,7 @@ from servogen.engines.inputs.commands import commander
 from servogen.engines.player import Playing, SlotLayout, playing
 from servogen.engines.player.commanded import commanded
 from servogen.engines.player.legs import LONGEST
-from servogen.engines.player.playing import BUTTONS_BYTES, COMMANDS_BYTES, DATA_BYTES
+from servogen.engines.player.playing import BUTTONS_BYTES, COMMANDS_BYTES, DATA_BYTES, NEAR
 from servogen.engines.player.rendering import OVERRUN, render_player
 from servogen.engines.player.soft_start import with_soft_start
 from servogen.engines.player.theorem import allowances
@@ -45,12 +46,13 @@ HINT = "fewer parts: let more of the motion repeat"
 
 
 def play(
-    job: EngineJob, more_bytes: int = 0, *, bends: bool = True
+    job: EngineJob, max_error_us: float | None = None, more_bytes: int = 0, *, bends: bool = True
 ) -> tuple[JointTrajectory, Playing, PulseSchedule]:
     """Return the motion with its lead-in, as the player plays it, and all frames that it can play.
 
-    Its tables may be larger by `more_bytes` than those that fit flash beside the program; without `bends` no
-    calibration has a knee. Raises InputError or ResourceError.
+    The player encodes it for errors of up to `max_error_us`, by default the job's. Its tables may be larger
+    by `more_bytes` than those that fit flash beside the program; without `bends` no calibration has a knee.
+    Raises InputError or ResourceError.
     """
     buttons = given(job.inputs, ControlButtons) or ControlButtons()
     line = commander(job.inputs)
@@ -68,7 +70,7 @@ def play(
         job.frame,
         bindings=job.bindings,
         soft=ends,
-        max_error_us=job.firmware.max_error_us,
+        max_error_us=job.firmware.max_error_us if max_error_us is None else max_error_us,
         max_bytes=DATA_BYTES - (BUTTONS_BYTES if buttons.any else 0) + more_bytes,
         bends=bends,
     )
@@ -171,6 +173,70 @@ def cautions(budgets: tuple[TimingBudget, ...]) -> Iterator[Diagnostic]:
             )
 
 
+@dataclass(frozen=True, slots=True)
+class _Made:
+    """A motion as the player plays it, and all frames that it can play; `make` compiles each dialect once."""
+
+    motion: JointTrajectory
+    played: Playing
+    whole: PulseSchedule
+    make: Callable[[str], Firmware]
+
+    @property
+    def error_us(self) -> float:
+        return self.played.plan.schedule.plan_error_us
+
+    @property
+    def rounding_us(self) -> float:
+        """Return the error that the rounding of bytes and the sharing of rows alone may cause."""
+        encoded, clock = self.played.encoded, self.played.plan.schedule.clock
+        return (0.5 + NEAR[0]) * float((1 << int(encoded.scale.shifts.max())) * clock.cycle_us)
+
+    def fits(self, dialect: str) -> bool:
+        try:
+            self.make(dialect)
+        except ResourceError:
+            return False
+        return True
+
+
+def _made(job: EngineJob, max_error_us: float, **choices: Any) -> _Made:
+    motion, played, whole = play(job, max_error_us, **choices)
+    return _Made(motion, played, whole, cache(lambda dialect: compiled(job, played, dialect)))
+
+
+def _closest(job: EngineJob, usual: _Made) -> _Made:
+    """Return the motion as close to its plan as flash allows, unless rounding alone decides its error."""
+    best, limit = usual, job.firmware.max_error_us
+    while best.rounding_us < best.error_us <= limit:
+        legs = best.played.encoded.legs is not None
+        limit = best.rounding_us if legs else limit / 2
+        try:
+            closer = _made(job, limit)
+        except (InputError, ResourceError):
+            break
+        size = closer.played.encoded.size
+        if closer.error_us >= best.error_us or size > DATA_BYTES or not closer.fits(job.firmware.dialect):
+            break
+        best = closer
+        if legs:
+            break
+    return best
+
+
+def _told(usual: _Made, closest: _Made) -> Diagnostic:
+    """Return the note about a motion that is closer to its plan than its job asks for."""
+    figures = [
+        f"{made.error_us:g} µs, {made.played.encoded.size} bytes of motion" for made in (closest, usual)
+    ]
+    return Diagnostic(
+        "note",
+        "closest",
+        f"max_error_us is not stated: the motion is as close to its plan as flash allows, {figures[0]}; "
+        f"with max_error_us = 10: {figures[1]}",
+    )
+
+
 class PlayerEngine:
     """Plays poses from flash, moving between them by laws computed on the chip."""
 
@@ -178,24 +244,22 @@ class PlayerEngine:
 
     def plan(self, job: EngineJob) -> EnginePlan:
         """Plan the job's frames; a dialect's C is compiled when its firmware is requested."""
-        motion, played, whole = play(job)
-        if played.plan.schedule.plan_error_us > job.firmware.max_error_us:
+        limit, dialect = job.firmware.max_error_us, job.firmware.dialect
+        made = _made(job, limit)
+        if made.error_us > limit:
             # A script in the EEPROM leaves the tables more room in flash, at the cost of the C that reads it.
-            finer = play(job, more_bytes=eeprom_room(len(job.servos)) - EEPROM_C)
-            if finer[1].plan.schedule.plan_error_us <= job.firmware.max_error_us:
-                motion, played, whole = finer
-        make = cache(lambda dialect: compiled(job, played, dialect))
-        if played.encoded.scale.bent:
-            try:
-                make(job.firmware.dialect)
-            except (
-                ResourceError
-            ):  # no room for the knees: without them the pulses miss by what the caller says
-                motion, straight, whole = play(job, bends=False)
-                make = cache(lambda dialect: compiled(job, straight, dialect))
-                played = straight
-        tour = None if played.chain is None else (played.trajectory, whole)
-        return EnginePlan(motion, played.plan, make, played.encoded.size, tour)
+            finer = _made(job, limit, more_bytes=eeprom_room(len(job.servos)) - EEPROM_C)
+            made = finer if finer.error_us <= limit else made
+        if made.played.encoded.scale.bent and not made.fits(dialect):
+            # No room for the knees: the caller says how far the pulses are off.
+            made = _made(job, limit, bends=False)
+        notes: tuple[Diagnostic, ...] = ()
+        if job.firmware.precise and commander(job.inputs) is None:
+            usual, made = made, _closest(job, made)
+            notes = (_told(usual, made),) if made is not usual else ()
+        played = made.played
+        tour = None if played.chain is None else (played.trajectory, made.whole)
+        return EnginePlan(made.motion, played.plan, made.make, played.encoded.size, tour, notes)
 
 
 ENGINE: Engine = PlayerEngine()
