@@ -18,7 +18,6 @@ from numpy.typing import ArrayLike
 
 from servogen.errors import InputError
 from servogen.kinematics.forward import link_frames, row_axes
-from servogen.kinematics.orientation import rates_matrix, to_angles
 from servogen.kinematics.transforms import Floats, inverse, skew
 from servogen.robot.model import Arm
 
@@ -79,24 +78,6 @@ def jacobian(arm: Arm, q: ArrayLike, frame: FrameName = 0) -> Floats:
     # The inverse of a rotation is its transpose.
     back = np.swapaxes(turn, -1, -2)
     return np.concatenate([back @ matrix[..., :3, :], back @ matrix[..., 3:, :]], axis=-2)
-
-
-def analytic_jacobian(arm: Arm, q: ArrayLike, order: str = "ZYX") -> Floats:
-    """Return the analytic Jacobian (..., 6, n): position rates, then the rates of the three angles of
-    `order`.
-
-    Its upper rows are the geometric ones; the lower are B⁻¹ J_ω. Raises InputError if B is singular.
-    """
-    matrix, pose = with_pose(arm, q)
-    rates = rates_matrix(to_angles(pose[..., :3, :3], order), order)
-    if np.any(np.abs(np.linalg.det(rates)) < SINGULAR):
-        raise InputError(
-            "bad-rotation",
-            f"the angles {order} are singular at this pose: their rates are not determined",
-            hint="take another order, or the geometric Jacobian",
-        )
-    lower = np.linalg.solve(rates, matrix[..., 3:, :])
-    return np.concatenate([matrix[..., :3, :], lower], axis=-2)
 
 
 def manipulability(arm: Arm, q: ArrayLike) -> Floats:
@@ -242,26 +223,3 @@ def motion_of(matrix: ArrayLike, frame: ArrayLike) -> tuple[Floats, Floats]:
     delta = np.asarray(matrix, float) @ inverse(frame)
     turned = np.stack([delta[..., 2, 1], delta[..., 0, 2], delta[..., 1, 0]], axis=-1)
     return np.asarray(delta[..., :3, 3]), turned
-
-
-def cylindrical_jacobian(r: ArrayLike, alpha: ArrayLike) -> Floats:
-    """Return J of (ẋ, ẏ, ż) = J (ṙ, α̇, ċ), shape (..., 3, 3)."""
-    r, alpha = np.broadcast_arrays(np.asarray(r, float), np.asarray(alpha, float))
-    cosine, sine = np.cos(alpha), np.sin(alpha)
-    matrix = np.zeros((*r.shape, 3, 3))
-    matrix[..., 0, 0], matrix[..., 0, 1] = cosine, -r * sine
-    matrix[..., 1, 0], matrix[..., 1, 1] = sine, r * cosine
-    matrix[..., 2, 2] = 1.0
-    return matrix
-
-
-def spherical_jacobian(r: ArrayLike, beta: ArrayLike, gamma: ArrayLike) -> Floats:
-    """Return J of (ẋ, ẏ, ż) = J (ṙ, β̇, γ̇), shape (..., 3, 3); its last row is (cos β, -r sin β, 0)."""
-    r, beta, gamma = np.broadcast_arrays(*(np.asarray(value, float) for value in (r, beta, gamma)))
-    (cb, sb), (cg, sg) = (np.cos(beta), np.sin(beta)), (np.cos(gamma), np.sin(gamma))
-    rows = [
-        [sb * cg, r * cb * cg, -r * sb * sg],
-        [sb * sg, r * cb * sg, r * sb * cg],
-        [cb, -r * sb, np.zeros_like(r)],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)

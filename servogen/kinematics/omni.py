@@ -212,11 +212,6 @@ class WheelTravel:
     motor_turns: float
     counts: float
 
-    @property
-    def whole_counts(self) -> int:
-        """Return the counts, rounded to an integer."""
-        return round(self.counts)
-
 
 def circumference(base: OmniBase) -> float:
     """Return the distance in metres that a wheel rolls in one turn."""

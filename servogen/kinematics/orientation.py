@@ -71,17 +71,6 @@ def to_angles(rotation: ArrayLike, order: str, second: bool = False) -> Floats:
     return np.stack([one, two, three], axis=-1)
 
 
-def rates_matrix(angles: ArrayLike, order: str) -> Floats:
-    """Return B (..., 3, 3) of ω = B (rates of the three angles), ω in the fixed frame; singular with them."""
-    i, j, k, _ = _order(order)
-    angles = np.asarray(angles, float)
-    unit = np.eye(3)
-    one = rot("xyz"[i], angles[..., 0])
-    two = one @ rot("xyz"[j], angles[..., 1])
-    first = np.broadcast_to(unit[i], (*angles.shape[:-1], 3))
-    return np.stack([first, one @ unit[j], two @ unit[k]], axis=-1)
-
-
 def from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> Floats:
     """Return Rodrigues' R = I + sin θ K + (1 - cos θ) K², K = skew(axis), for an axis (..., 3)
     of any length.

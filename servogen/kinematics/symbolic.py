@@ -133,20 +133,6 @@ def _column_at_tool(seen: Any, turning: bool) -> Any:
     return sympy.Matrix.vstack(turn * sympy.Matrix([-p[1], p[0], 0]), turn[:, 2])
 
 
-def singular_condition(arm: Arm) -> Any:
-    """Return the determinant of the position Jacobian of an arm with three joints, factorised: 0 where
-    singular.
-    """
-    sympy = _sympy()
-
-    jacobian = symbolic_jacobian(arm)[:3, :]
-    if jacobian.shape != (3, 3):
-        raise InputError(
-            "wrong-count", f"{arm.name} has {jacobian.shape[1]} joints: the determinant needs three"
-        )
-    return sympy.factor(_tidy(jacobian.det()))
-
-
 def text_of(matrix: Any, style: Style = "text", name: str = "T") -> str:
     """Return a sympy matrix or expression as text, LaTeX, or C assignments name[row][column] = …;"""
     sympy = _sympy()

@@ -119,27 +119,11 @@ def apply(matrix: ArrayLike, points: ArrayLike) -> Floats:
     return np.asarray((matrix[..., :3, :3] @ points[..., None])[..., 0] + matrix[..., :3, 3])
 
 
-def about_point(turn: ArrayLike, point: ArrayLike) -> Floats:
-    """Return the transform of a rotation (..., 3, 3) about an axis through `point`: T(p) R T(-p)."""
-    turn, point = np.asarray(turn, float), np.asarray(point, float)
-    return transform(turn, point - (turn @ point[..., None])[..., 0])
-
-
 def homogeneous(point: ArrayLike, scale: ArrayLike = 1.0) -> Floats:
     """Return (X, Y, Z, W) of a point; scale 0 makes it a direction."""
     point, scale = np.asarray(point, float), np.asarray(scale, float)[..., None]
     whole = np.where(scale == 0.0, point, point * scale)
     return np.concatenate([whole, np.broadcast_to(scale, (*whole.shape[:-1], 1))], axis=-1)
-
-
-def point_of(vector: ArrayLike) -> Floats:
-    """Return the point (X, Y, Z)/W of a homogeneous vector (..., 4). Raises InputError for W = 0, a
-    direction.
-    """
-    vector = np.asarray(vector, float)
-    if np.any(vector[..., 3] == 0.0):
-        raise InputError("transform-syntax", "a homogeneous vector with W = 0 is a direction, not a point")
-    return np.asarray(vector[..., :3] / vector[..., 3:])
 
 
 def is_rotation(matrix: ArrayLike, tolerance: float = 1e-9) -> bool:
@@ -169,25 +153,12 @@ def cylindrical(r: ArrayLike, alpha: ArrayLike, c: ArrayLike, keep_orientation: 
     return transform(turn, np.stack([r * np.cos(alpha), r * np.sin(alpha), c], axis=-1))
 
 
-def cylindrical_of(point: ArrayLike) -> Floats:
-    """Return (r, α, c) of points (..., 3), r ≥ 0; on the axis α is 0."""
-    x, y, z = np.moveaxis(np.asarray(point, float), -1, 0)
-    return np.stack([np.hypot(x, y), np.arctan2(y, x), z], axis=-1)
-
-
 def spherical(r: ArrayLike, beta: ArrayLike, gamma: ArrayLike, keep_orientation: bool = False) -> Floats:
     """Return Rot(z, γ) Rot(y, β) T(0,0,r): position r (sin β cos γ, sin β sin γ, cos β)."""
     r, beta, gamma = np.broadcast_arrays(*(np.asarray(value, float) for value in (r, beta, gamma)))
     turn = rot("z", gamma) @ rot("y", beta)
     rotation = np.broadcast_to(np.eye(3), turn.shape) if keep_orientation else turn
     return transform(rotation, turn[..., :, 2] * r[..., None])
-
-
-def spherical_of(point: ArrayLike) -> Floats:
-    """Return (r, β, γ) of points (..., 3), β in [0, π]; on the axis γ is 0, at the origin β too."""
-    x, y, z = np.moveaxis(np.asarray(point, float), -1, 0)
-    across = np.hypot(x, y)
-    return np.stack([np.hypot(across, z), np.arctan2(across, z), np.arctan2(y, x)], axis=-1)
 
 
 def wrapped(angle: ArrayLike) -> Floats:

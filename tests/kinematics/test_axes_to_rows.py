@@ -7,7 +7,7 @@ from servogen.errors import InputError
 from servogen.kinematics.catalogue import arm
 from servogen.kinematics.forward import fk, row_axes
 from servogen.kinematics.orientation import from_axis_angle
-from servogen.kinematics.transforms import about_point, rotation, transform, translation
+from servogen.kinematics.transforms import rotation, transform, translation
 from servogen.kinematics.urdf import JointAxis, arm_of_axes
 from servogen.robot.model import Arm, Joint
 
@@ -17,7 +17,8 @@ def product_of_screws(axes: list[JointAxis], kinds: list[str], tool: np.ndarray,
     for axis, kind, value in zip(axes, kinds, q, strict=True):
         unit = np.array(axis.direction) / np.linalg.norm(axis.direction)
         if kind == "turning":
-            pose = pose @ about_point(from_axis_angle(unit, value), axis.point)
+            back, there = translation(*(-np.array(axis.point))), translation(*axis.point)
+            pose = pose @ there @ transform(from_axis_angle(unit, value), np.zeros(3)) @ back
         else:
             pose = pose @ translation(*(value * unit))
     return pose @ tool

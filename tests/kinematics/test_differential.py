@@ -57,16 +57,3 @@ def test_small_rotations_commute_to_first_order() -> None:
     one, two = t.rot("x", small), t.rot("y", small)
     assert np.abs(one @ two - two @ one).max() <= 1.01 * small**2
     np.testing.assert_allclose(one @ two, np.eye(3) + t.skew([small, small, 0]), atol=1.01 * small**2)
-
-
-def test_cylindrical_and_spherical_speeds_are_the_derivatives() -> None:
-    step = 1e-6
-    for jacobian, position, point in (
-        (diff.cylindrical_jacobian(0.4, 0.7), t.cylindrical, (0.4, 0.7, 0.3)),
-        (diff.spherical_jacobian(0.4, 0.7, -0.5), t.spherical, (0.4, 0.7, -0.5)),
-    ):
-        for column in range(3):
-            change = step * np.eye(3)[column]
-            ahead, behind = position(*(point + change)), position(*(point - change))
-            way = (ahead - behind)[:3, 3] / (2 * step)
-            assert jacobian[:, column] == pytest.approx(way, abs=1e-9)

@@ -24,10 +24,7 @@ from servogen.kinematics.inverse.configuration import configuration_of, has_roll
 from servogen.kinematics.inverse.solve import SAME, ik, ik_all, solve, sorted_without_doubles
 from servogen.kinematics.inverse.unreachable import Unreachable
 from servogen.kinematics.jacobian import (
-    analytic_jacobian,
-    cylindrical_jacobian,
     singularity,
-    spherical_jacobian,
 )
 from servogen.kinematics.leg import Leg
 from servogen.kinematics.symbolic import text_of
@@ -524,30 +521,9 @@ def test_configurations_name_what_a_roll_cannot_do() -> None:
         configuration_of(arm("anthropomorphic"), [0, 0, 0])
 
 
-def test_jacobians_of_coordinates_are_derivatives() -> None:
-    step = 1e-6
-    values = np.array([0.7, 0.5, -0.9])
-    for jacobian, to_point in (
-        (cylindrical_jacobian(*values[:2]), lambda v: t.cylindrical(*v)[:3, 3]),
-        (spherical_jacobian(*values), lambda v: t.spherical(*v)[:3, 3]),
-    ):
-        for column, unit in enumerate(np.eye(3)):
-            slope = (to_point(values + step * unit) - to_point(values - step * unit)) / (2 * step)
-            assert jacobian[:, column] == pytest.approx(slope, abs=1e-9)
-
-
 def test_a_singularity_is_one_configuration_s() -> None:
     with pytest.raises(InputError, match="one configuration at a time"):
         singularity(arm("scara"), np.zeros((2, 4)))
-    with pytest.raises(InputError, match="the angles ZYX are singular"):
-        analytic_jacobian(arm("irb6400c"), _upright())
-
-
-def _upright() -> np.ndarray:
-    """Joint positions of the IRB 6400C whose tool has θ = 90° in ZYX."""
-    robot = arm("irb6400c")
-    at = fk_position(robot, robot.home)
-    return ik(robot, at, o.from_angles([0.0, math.pi / 2, 0.0], "ZYX"))
 
 
 # ---- answers, details, URDF -----------------------------------------------------------------------------

@@ -10,7 +10,6 @@ from math import atan, atan2, cos, degrees, pi, radians, sin, sqrt
 import numpy as np
 import pytest
 
-from servogen.kinematics import jacobian as differential
 from servogen.kinematics import transforms as t
 from servogen.kinematics.catalogue import arm, robot
 from servogen.kinematics.forward import fk, fk_position, link_frames
@@ -177,14 +176,6 @@ def test_004_the_last_angle_of_rpy_comes_from_a() -> None:
     assert to_angles(from_angles([phi, theta, eta], "ZYX"), "ZYX")[2] == pytest.approx(eta)
 
 
-def test_004_last_row_of_the_spherical_jacobian() -> None:
-    r, beta, gamma = 0.4, 0.7, -0.5
-    row = differential.spherical_jacobian(r, beta, gamma)[2]
-    assert row == pytest.approx([cos(beta), -r * sin(beta), 0])
-    height = [t.spherical(r, beta + step, gamma)[2, 3] for step in (-1e-6, 1e-6)]
-    assert (height[1] - height[0]) / 2e-6 == pytest.approx(row[1])
-
-
 def test_004_sine_of_the_double_angle() -> None:
     x, y = 0.4, 0.9
     assert sin(2 * x) == pytest.approx(2 * sin(x) * cos(x))
@@ -260,12 +251,10 @@ def test_lab_7_entry_1_2_of_the_jacobian_in_its_own_frame() -> None:
     assert abs(entry - lab.length["l2"] * (S2 + C2)) > 0.05
 
 
-def test_004_cylindrical_matrix_has_the_height_c_and_its_jacobian_both_entries() -> None:
+def test_004_cylindrical_matrix_has_the_height_c() -> None:
     r, alpha, c = 0.4, 0.7, 0.9
     assert t.cylindrical(r, alpha, c)[2, 3] == c
     assert c != r
-    column = differential.cylindrical_jacobian(r, alpha)[:, 1]
-    assert column == pytest.approx([-r * sin(alpha), r * cos(alpha), 0])
 
 
 def test_004_spherical_matrix() -> None:

@@ -9,14 +9,11 @@ from servogen.errors import InputError
 from servogen.kinematics.catalogue import arm
 from servogen.kinematics.forward import fk, fk_position, link_frames
 from servogen.kinematics.jacobian import (
-    analytic_jacobian,
     jacobian,
     manipulability,
     singularity,
     static_torques,
 )
-from servogen.kinematics.orientation import to_angles
-from servogen.kinematics.transforms import wrapped
 
 STEP = 1e-6
 
@@ -55,24 +52,6 @@ def test_in_another_frame_both_halves_are_turned(any_arm, configurations) -> Non
     np.testing.assert_allclose(turn @ jacobian(any_arm, q, "n")[:3], plain[:3], atol=1e-14)
     with pytest.raises(InputError, match="has no frame '99'"):
         jacobian(any_arm, q, 99)
-
-
-@pytest.mark.parametrize("order", ["ZYX", "ZYZ", "XYZ"])
-def test_the_analytic_jacobian_is_the_derivative_of_the_angles(configurations, order: str) -> None:
-    robot = arm("irb6400c")
-    for q in configurations(robot, 5):
-        found = analytic_jacobian(robot, q, order)
-        for joint in range(6):
-            step = STEP * np.eye(6)[joint]
-            ahead, behind = (to_angles(fk(robot, q + sign * step)[:3, :3], order) for sign in (1, -1))
-            rates = wrapped(ahead - behind) / (2 * STEP)
-            np.testing.assert_allclose(found[3:, joint], rates, atol=1e-6 * max(1, np.abs(rates).max()))
-        np.testing.assert_array_equal(found[:3], jacobian(robot, q)[:3])
-
-
-def test_at_a_singular_orientation_the_analytic_jacobian_is_refused() -> None:
-    with pytest.raises(InputError, match="the angles ZYZ are singular"):
-        analytic_jacobian(arm("scara"), [0.1, 0.2, 0.1, 0.3], "ZYZ")
 
 
 def test_the_spherical_arms_determinant_is_its_manipulability(configurations) -> None:

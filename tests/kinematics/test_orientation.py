@@ -64,24 +64,6 @@ def test_roll_pitch_yaw_and_zyz_are_the_products_of_the_table() -> None:
     np.testing.assert_allclose(o.from_angles([phi, theta, eta], "zyz"), product)
 
 
-def test_the_rates_matrices_are_those_of_the_table() -> None:
-    phi, theta = 0.4, 0.8
-    s, c, st, ct = np.sin(phi), np.cos(phi), np.sin(theta), np.cos(theta)
-    zyx = [[0, -s, c * ct], [0, c, s * ct], [1, 0, -st]]
-    zyz = [[0, -s, c * st], [0, c, s * st], [1, 0, ct]]
-    np.testing.assert_allclose(o.rates_matrix([phi, theta, 0.1], "ZYX"), zyx)
-    np.testing.assert_allclose(o.rates_matrix([phi, theta, 0.1], "ZYZ"), zyz)
-
-
-@pytest.mark.parametrize("order", ALL)
-def test_the_rates_give_the_turning_speed_of_the_frame(order: str) -> None:
-    angles, rates, step = np.array([0.4, 0.8, -0.3]), np.array([0.7, -0.2, 0.5]), 1e-6
-    change = o.from_angles(angles + step * rates, order) - o.from_angles(angles - step * rates, order)
-    spin = change / (2 * step) @ o.from_angles(angles, order).T
-    omega = [spin[2, 1], spin[0, 2], spin[1, 0]]
-    assert o.rates_matrix(angles, order) @ rates == pytest.approx(omega, abs=1e-8)
-
-
 @pytest.mark.parametrize("angle", [0.0, 1e-12, 1e-8, 1e-4, 1.0, 3.0, np.pi - 1e-8, np.pi - 1e-12, np.pi])
 def test_axis_and_angle_are_safe_near_zero_and_pi(angle: float) -> None:
     axis = np.array([2.0, -1.0, 0.5]) / np.linalg.norm([2.0, -1.0, 0.5])

@@ -17,7 +17,7 @@ from servogen.kinematics.catalogue import arm
 from servogen.kinematics.forward import fk
 from servogen.kinematics.inverse.unreachable import Unreachable
 from servogen.kinematics.jacobian import jacobian, singularity
-from servogen.kinematics.orientation import from_angles, rates_matrix
+from servogen.kinematics.orientation import from_angles
 from servogen.robot.model import Arm, FixedFrame
 
 
@@ -87,17 +87,6 @@ def test_an_arm_is_singular_to_a_billionth_of_its_size(bend: float, singular: bo
     for direction in found.lost:
         assert np.linalg.norm(direction) == pytest.approx(1)
         assert matrix.T @ direction == pytest.approx(np.zeros(4), abs=1e-9)
-
-
-def test_the_rates_of_angles_make_the_angular_velocity() -> None:
-    """ω of a small change of each angle, from the skew part of dR Rᵀ."""
-    angles, step = np.array([0.4, -0.7, 1.1]), 1e-6
-    for order in ("ZYX", "ZYZ", "XYZ", "YXY"):
-        matrix = rates_matrix(angles, order)
-        for column, unit in enumerate(np.eye(3)):
-            ahead, behind = (from_angles(angles + sign * step * unit, order) for sign in (1, -1))
-            spin = (ahead - behind) / (2 * step) @ from_angles(angles, order).T
-            assert matrix[:, column] == pytest.approx([spin[2, 1], spin[0, 2], spin[1, 0]], abs=1e-8)
 
 
 def test_a_jacobian_s_answer_is_in_metres_and_radians_per_second() -> None:

@@ -13,7 +13,6 @@ from servogen.kinematics.forward import fk
 from servogen.kinematics.jacobian import jacobian
 from servogen.kinematics.symbolic import (
     SymbolicKinematics,
-    singular_condition,
     symbolic_fk,
     symbolic_jacobian,
     text_of,
@@ -143,14 +142,6 @@ def test_the_position_columns_of_the_spherical_arm_with_a_wrist() -> None:
         for column in range(3):
             assert sympy.simplify(found[row, column] - real(expected[row][column])) == 0
         assert list(found[row, 3:]) == [0, 0, 0]
-
-
-def test_where_three_joint_arms_are_singular() -> None:
-    found = singular_condition(arm("anthropomorphic"))
-    assert sympy.simplify(found + real("l2*l3*sin(q3)*(l2*cos(q2) + l3*cos(q2+q3))")) == 0
-    assert sympy.simplify(singular_condition(arm("spherical")) + real("q3**2*sin(q2)")) == 0
-    with pytest.raises(InputError, match="needs three"):
-        singular_condition(arm("rv-m1"))
 
 
 def test_text_latex_and_c() -> None:
