@@ -250,7 +250,7 @@ class Checker:
                 elif why in (layout.FORK, layout.BUTTON):
                     stopped += self._both(rows, why)
                 elif why in self._ways:
-                    rows = self._new(rows)
+                    rows = self._new(rows, why)
                     self._forks += len(rows)
                     stopped += self._ways[why](rows) if len(rows) else []
                 elif why == layout.CUT:
@@ -322,16 +322,18 @@ class Checker:
                     raise _refused(row, "an input is read again")
         return both
 
-    def _new(self, rows: Ints) -> Ints:
-        """Return the rows from whose states nothing was followed yet: a program that waits for what comes by
-        itself need not come to a cut. Before the first pulse, which must come, every state is new.
+    def _new(self, rows: Ints, why: int) -> Ints:
+        """Return the rows whose states did not stop yet for this reason: a program that waits for what comes
+        by itself need not come to a cut. Before the first pulse, which must come, every state is new.
+
+        A state may stop twice without a step between: no interrupt comes, and then SLEEP ends in several ways.
         """
         rows = np.unique(rows, axis=0)
         columns = [*EXACT, *BYTES, *TIMES, layout.TMR0_ZERO]
         states = np.hstack([_settled(rows)[:, columns], rows[:, [layout.DOUBTED, layout.CHOSEN]]])
         new = np.ones(len(rows), dtype=bool)
         for number, state in enumerate(states):
-            key = hashlib.sha256(state.tobytes()).digest()
+            key = why.to_bytes() + hashlib.sha256(state.tobytes()).digest()
             described = rows[number, layout.FRAME] != layout.BEFORE and chip.at_rest(rows[number])
             new[number] = not described or key not in self._followed
             if described:

@@ -265,9 +265,10 @@ void wake(i64 *s, const Board *board, i64 flag)
 void do_not_sleep(i64 *s, i64 flag)
 {
     happen(s, flag);
-    request(s, s[CYCLE]);
+    request(s, s[CYCLE]); /* no other comes before it */
     s[PC] = (s[PC] + 1) & 0x3FF;
     s[CYCLE] += 1;
+    s[DOUBTED] = 0;
     s[CHOSEN] = UNKNOWN;
     s[NEXT_EVENT] = 0;
 }
@@ -282,10 +283,11 @@ i64 drive(i64 *s, const Edges *edges, const Board *board, i64 cycle)
     i64 tris = s[TRISA] | s[TRISB] << 5;
     i64 out = ((s[PORTA] & 0x1F) | (s[PORTB] & 0xFF) << 5) & ~tris;
     i64 dark = (s[PORTA] >> 8 | s[PORTB] >> 8 << 5) & ~tris;
+    bool was_dark = s[FRAME] == BEFORE && s[DARK_UNTIL] != NEVER; /* some chip's first pulse may have begun */
     s[DARK_UNTIL] = dark ? min(s[DARK_UNTIL], cycle + GLITCH) : NEVER;
     if (s[FRAME] == BEFORE && out == 0)
         return GOES_ON;
-    if (dark || tris & board->channels)
+    if (dark || was_dark || tris & board->channels)
         return DARK_PIN;
     if (s[FRAME] == BEFORE) { /* the first rise is the schedule's first edge: it fixes the frame's beginning */
         if (edges->count == 0)

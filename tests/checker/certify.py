@@ -149,11 +149,12 @@ def certify(image: Image, plan_text: bytes, cuts: list[int], forget: Forget = la
     claim = Maker(image, plan, Certificate("", "", 0, {}, frozenset(cuts), [], none)).make(forget)
     states = claim.states.copy()
     states[:, AGES] *= -1
+    states[states[:, layout.WRITTEN_BY] == layout.NEVER, layout.WRITTEN_BY] = 0
     states[states[:, FRAME_NUMBER] < 0, layout.FRAME] = 0
     columns = {
         name: {"delta": np.diff([0, *states[:, slot].tolist()]).tolist()}
         for name, (slot, _) in (*CELLS.items(), *NUMBERS.items())
-        if name != "write_left"
+        if name != "write_left" or states[:, slot].any()
     }
     data = {
         "format": 2,

@@ -58,6 +58,20 @@ def test_what_a_program_does_between_its_pulses(clear: str, why: str) -> None:
     assert re.match(r"\d+ cycles after power-up, at address 0x\w{3}, frame 0, cycle \d+, high pins: ", text)
 
 
+@pytest.mark.parametrize(("latch", "refused"), [("clrf 6", False), ("nop", True)])
+def test_a_first_pulse_may_not_have_begun_before_on_a_chip_whose_latch_is_set(
+    latch: str, refused: bool
+) -> None:
+    """RB0 is driven from its latch for five cycles, and then high: on some chips the pulse is longer."""
+    start = certify.SET_UP.replace(" clrf 6\n bsf 3,5\n clrf 6", f" {latch}\n bsf 3,5\n movlw 0xFE\n movwf 6")
+    end = f"{certify.delay(WIDTH - 1)} bcf 6,0\n{certify.delay(PERIOD - WIDTH - 3)} goto frame\n"
+    program = certify.image_of(start + end)
+    if refused:
+        assert refusal(program, SCHEDULE, [FRAME + 1]).endswith("a pin whose level is unknown or not driven")
+    else:
+        certify.certify(program, SCHEDULE, [FRAME + 1])
+
+
 @pytest.mark.parametrize(
     ("read", "why"),
     [

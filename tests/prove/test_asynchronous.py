@@ -6,13 +6,15 @@ from dataclasses import replace
 
 import pytest
 
-from servogen.checker import Checked, check_certificate, read_certificate
+from servogen.checker import Checked, Refused, check_certificate, read_certificate
+from servogen.checker.certificate import fingerprint
 from servogen.pic.assembler import assemble
 from servogen.pic.device import device
 from servogen.pic.image import Image
 from servogen.prove import Proof, Quantifiers, certificate, prove_for_all
 from servogen.pulse import PulseSchedule
 from servogen.units import Clock
+from tests.checker import certify
 from tests.prove.replay import is_wrong
 from tests.prove.test_prove_inputs import schedule_of
 
@@ -342,3 +344,28 @@ def test_sleep_is_a_nop_if_the_write_that_would_end_it_is_over(enable: str) -> N
     assert proof.proven or shown(image, schedule, proof)
     if proof.proven:
         accepted(proof, image, schedule)
+
+
+INTERRUPTS_ON = "        bsf INTCON, INTE\n        bsf INTCON, GIE\n        nop\n"
+RESTS = "rests   sleep\n        nop\n"
+WRITES_ON = WRITE.format(
+    meanwhile=f"        bcf STATUS, RP0\n{INTERRUPTS_ON}        bsf STATUS, RP0\n"
+    "        btfsc EECON1, WR\n        nop\n        bcf STATUS, RP0\n        clrf INTCON\n"
+)
+NEITHER_WAY = ("        nop\n", "        bsf PORTB, 1\n")
+ONLY_ONCE = "        bcf INTCON, INTE\n        retfie\n"
+
+
+@pytest.mark.parametrize("body", [INTERRUPTS_ON + RESTS + "{after}", WRITES_ON + "{after}" + RESTS])
+def test_the_checker_follows_a_state_that_stops_for_two_reasons(body: str) -> None:
+    """No interrupt comes before the instruction, and then SLEEP or the write ends in several ways."""
+    text = PULSE + body + "        goto rests\n"
+    good, bad = (assembled(text.format(after=after), ONLY_ONCE) for after in NEITHER_WAY)
+    schedule = replace(once(), clock=SLOWER)
+    proof = prove_for_all(good, schedule)
+    assert proof.proven, proof.reason
+    accepted(proof, good, schedule)
+    plan = schedule.json_text().encode()
+    forged = certify.unpack(certificate(proof, good, schedule, plan)) | {"image": fingerprint(bad)}
+    with pytest.raises(Refused, match="an edge that is not expected"):
+        check_certificate(read_certificate(certify.pack(forged), "forged"), bad, plan, "schedule.json")
