@@ -326,7 +326,7 @@ class Checker:
         """Return the rows whose states did not stop yet for this reason: a program that waits for what comes
         by itself need not come to a cut. Before the first pulse, which must come, every state is new.
 
-        A state may stop twice without a step between: no interrupt comes, and then SLEEP ends in several ways.
+        A state may stop twice in a row: no interrupt comes, and then SLEEP ends in one of several ways.
         """
         rows = np.unique(rows, axis=0)
         columns = [*EXACT, *BYTES, *TIMES, layout.TMR0_ZERO]
