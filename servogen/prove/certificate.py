@@ -13,14 +13,7 @@ from hashlib import sha256
 from servogen.edges import PINS
 from servogen.pic.device import EEPROM_BYTES, RAM_FIRST, RAM_LAST, registers
 from servogen.pic.image import Image
-from servogen.prove.commands import AT_REST, COUNT, OFF_REST, ON_REST
-from servogen.prove.prover import Proof
-from servogen.prove.specification import BEFORE, OVER, SpecState
-from servogen.prove.transitions import Transitions
-from servogen.pulse import PulseSchedule
-from servogen.pulse.schedule import CodeLine, CommandRule, Input, StepButton
-from servogen.simulator import layout
-from servogen.simulator.abstract import (
+from servogen.prove.chip import (
     ALL_UNKNOWN,
     BASE,
     CELL_MASK_SHIFT,
@@ -29,6 +22,13 @@ from servogen.simulator.abstract import (
     FREE_BYTES,
     UNCERTAIN,
 )
+from servogen.prove.commands import AT_REST, COUNT, OFF_REST, ON_REST
+from servogen.prove.prover import Proof
+from servogen.prove.specification import BEFORE, OVER, SpecState
+from servogen.prove.transitions import Transitions
+from servogen.pulse import PulseSchedule
+from servogen.pulse.schedule import CodeLine, CommandRule, Input, StepButton
+from servogen.simulator import layout
 from servogen.simulator.layout import NEVER, PS, PSA, ROWS
 
 FORMAT = 2

@@ -27,6 +27,7 @@ from servogen.contract.observers import NONE, Broken, Observer, ResponseObserver
 from servogen.edges import HIGH, PINS, UNDRIVEN, EdgeTrace, join, part
 from servogen.pic.device import device
 from servogen.pic.image import Image
+from servogen.prove.chip import AbstractChip, ChipState
 from servogen.prove.counterexample import AllLevels, Counterexample, Sample, levels_of, path_to
 from servogen.prove.cuts import ALL_PLACES
 from servogen.prove.explore import Explorer, SearchAnswer, SearchResult
@@ -36,7 +37,6 @@ from servogen.prove.quantifiers import EVERYTHING, ChipTrial, Quantifiers, trial
 from servogen.prove.specification import IN_FRAME, OVER, Edge, Violation
 from servogen.prove.transitions import Transitions
 from servogen.simulator import Levels, Machine, SimulatorOptions, Stimuli, profile
-from servogen.simulator.abstract import AbstractChip, ChipState
 from servogen.simulator.layout import GLITCH
 from servogen.simulator.pin_levels import at_the_pins
 from servogen.simulator.sources import Reset, SignalSource

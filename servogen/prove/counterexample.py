@@ -13,13 +13,13 @@ from dataclasses import dataclass, field, replace
 from servogen.edges import PINS, join
 from servogen.pic.device import WATCHDOG_US
 from servogen.pic.image import Image
+from servogen.prove.chip import TIME_FIELDS, UNCERTAIN, AssumedBits
 from servogen.prove.explore import SearchFinding
 from servogen.prove.nodes import Node
 from servogen.prove.quantifiers import ChipTrial, Quantifiers, trials
 from servogen.prove.specification import BEFORE, START_FRAMES, Edge, Specification, Violation
 from servogen.pulse import PulseSchedule
 from servogen.simulator import Levels, Machine, SimulatorOptions, Stimuli
-from servogen.simulator.abstract import TIME_FIELDS, UNCERTAIN, AssumedBits
 from servogen.simulator.layout import FETCH, INTF, RBIF
 from servogen.simulator.options import START_VALUES
 from servogen.simulator.sources import Reset, SignalSource

@@ -14,6 +14,7 @@ import numpy as np
 from servogen.edges import HIGH, PINS
 from servogen.engines.board import machine_of
 from servogen.pic.image import Image
+from servogen.prove.chip import FIELD, ChipState, Reason, Use
 from servogen.prove.forks import Choices, PreparedProgram, before_instruction, ways_of
 from servogen.prove.generalise import Guess, follows_timer, live_places
 from servogen.prove.specification import START_FRAMES, Specification, Violation
@@ -21,7 +22,6 @@ from servogen.prove.transitions import Ram, Transitions, applied
 from servogen.pulse import PulseSchedule
 from servogen.pulse.expected import expected
 from servogen.simulator import profile
-from servogen.simulator.abstract import FIELD, ChipState, Reason, Use
 
 SAMPLE_FRAMES = 120
 """Frames from which the cut point is chosen."""

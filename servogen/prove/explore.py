@@ -12,12 +12,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
+from servogen.prove.chip import FIELD, AssumedBits, ChipState, Reason, Use
 from servogen.prove.forks import ALONE, Choices, PreparedProgram, before_instruction, ways_of
 from servogen.prove.generalise import Generaliser
 from servogen.prove.nodes import Decision, Node
 from servogen.prove.specification import BEFORE, IN_FRAME, START_FRAMES, Specification, SpecState, Violation
 from servogen.prove.transitions import Ram, Transitions, applied
-from servogen.simulator.abstract import FIELD, AssumedBits, ChipState, Reason, Use
 from servogen.simulator.layout import EEIE, NEVER, T0IF, USE_INTERRUPT
 
 _SLEEPING, _EE_DONE_AT = FIELD["SLEEPING"], FIELD["EE_DONE_AT"]

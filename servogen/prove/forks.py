@@ -13,8 +13,7 @@ from functools import cached_property
 from servogen.pic.device import BOTH_BANKS, RAM_FIRST, RAM_LAST, addresses, masks, registers
 from servogen.pic.image import Image
 from servogen.pic.isa import Decoded, decode
-from servogen.simulator import layout
-from servogen.simulator.abstract import (
+from servogen.prove.chip import (
     CELL_MASK_SHIFT,
     CELL_PHASED,
     UNCERTAIN,
@@ -23,6 +22,7 @@ from servogen.simulator.abstract import (
     ChipState,
     Use,
 )
+from servogen.simulator import layout
 
 INDF, TMR0, STATUS, PORTA, PORTB, EEDATA = addresses("INDF", "TMR0", "STATUS", "PORTA", "PORTB", "EEDATA")
 (RP0,) = masks("RP0")

@@ -12,10 +12,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from servogen.pic.device import masks
-from servogen.prove.nodes import Decision, Node
-from servogen.prove.transitions import Ram, Transitions, applied
-from servogen.simulator import layout
-from servogen.simulator.abstract import (
+from servogen.prove.chip import (
     ALL_UNKNOWN,
     BASE,
     CELL_PHASED,
@@ -26,6 +23,9 @@ from servogen.simulator.abstract import (
     Reason,
     Use,
 )
+from servogen.prove.nodes import Decision, Node
+from servogen.prove.transitions import Ram, Transitions, applied
+from servogen.simulator import layout
 from servogen.simulator.layout import INTF, PS, PSA, RBIF, T0CS, T0IE, T0IF
 
 BYTES = tuple(name for name in FREE_BYTES if name not in TIME_FIELDS)

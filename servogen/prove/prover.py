@@ -15,6 +15,7 @@ from servogen.graph import components
 from servogen.pic.device import CONFIG_OSCILLATOR_MASK, OSCILLATORS, PROGRAM_WORDS, device
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
+from servogen.prove.chip import AbstractChip, ChipState
 from servogen.prove.counterexample import Case, Counterexample, concrete, slow_oscillator
 from servogen.prove.cuts import choose_cuts, rising_addresses
 from servogen.prove.eeprom import TrimSearch
@@ -28,7 +29,6 @@ from servogen.prove.transitions import Transitions
 from servogen.prove.trims import Trimmed, TrimProof, UndecidedTrims, WrongEdge
 from servogen.pulse import PulseSchedule
 from servogen.simulator import Machine, SimulatorOptions
-from servogen.simulator.abstract import AbstractChip, ChipState
 from servogen.units import Cycles
 
 MAX_STATES = 400_000

@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Set
 from operator import itemgetter
 
+from servogen.prove.chip import FIELD, AbstractChip, ChipState, RunOutcome
 from servogen.prove.forks import Choices
-from servogen.simulator.abstract import FIELD, AbstractChip, ChipState, RunOutcome
 
 Ram = tuple[int, ...]
 Rest = tuple[int, ...]

@@ -25,13 +25,7 @@ import numpy.typing as npt
 from servogen.edges import PINS
 from servogen.engines.stream.protocol import trim_cycles
 from servogen.pic.device import EEPROM_BYTES
-from servogen.prove.forks import Choices, PreparedProgram, before_instruction
-from servogen.prove.generalise import Generaliser
-from servogen.prove.specification import START_FRAMES
-from servogen.prove.transitions import Ram, Rest, Transitions, applied
-from servogen.pulse import PulseSchedule
-from servogen.simulator import layout
-from servogen.simulator.abstract import (
+from servogen.prove.chip import (
     ALL_UNKNOWN,
     BASE,
     CELL_PHASED,
@@ -45,6 +39,12 @@ from servogen.simulator.abstract import (
     Lanes,
     Reason,
 )
+from servogen.prove.forks import Choices, PreparedProgram, before_instruction
+from servogen.prove.generalise import Generaliser
+from servogen.prove.specification import START_FRAMES
+from servogen.prove.transitions import Ram, Rest, Transitions, applied
+from servogen.pulse import PulseSchedule
+from servogen.simulator import layout
 
 Ints = npt.NDArray[np.int64]
 VALUES = 256

@@ -153,7 +153,7 @@ USE_SOURCE = _table.add("USE_SOURCE")
 USE_PLACE = _table.add("USE_PLACE")
 USE_CYCLE = _table.add("USE_CYCLE")
 
-# Of the prover: see abstract.py.
+# Of the prover: see prove/chip.py.
 ANY_INPUT = _table.add("ANY_INPUT")
 OPTION_WRITES = _table.add("OPTION_WRITES")
 

@@ -27,7 +27,7 @@ class Future(Enum):
     SINCE = auto()
     """On how many cycles ago it was, if the watchdog is on."""
     SPECIAL = auto()
-    """In another way, for which fingerprint.py and abstract.py have code."""
+    """In another way, for which fingerprint.py and prove/chip.py have code."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from servogen.pic.device import RAM_FIRST, RAM_LAST
+from servogen.prove.chip import FIELD, FIELDS
 from servogen.simulator import layout
-from servogen.simulator.abstract import FIELD, FIELDS
 
 
 def rest(**fields: int) -> tuple[int, ...]:

@@ -24,6 +24,7 @@ from servogen.prove.certificate import (
     certificate,
     image_digest,
 )
+from servogen.prove.chip import BASE, FIELD, FIELDS, AssumedBits
 from servogen.prove.counterexample import (
     Case,
     Counterexample,
@@ -55,7 +56,6 @@ from servogen.pulse.schedule import (
     StepButton,
 )
 from servogen.simulator import SimulatorOptions, layout, parse_stimuli
-from servogen.simulator.abstract import BASE, FIELD, FIELDS, AssumedBits
 from servogen.units import Clock, Cycles
 
 CLOCK = Clock(4_000_000)

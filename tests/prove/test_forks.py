@@ -9,6 +9,7 @@ import pytest
 from servogen.pic.device import RAM_FIRST
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
+from servogen.prove.chip import CELL_PHASED, FIELD, FIELDS, WRITTEN, AssumedBits, ChipState, Use
 from servogen.prove.forks import (
     ALONE,
     MAX_CHOICES,
@@ -18,7 +19,6 @@ from servogen.prove.forks import (
     ways_of,
 )
 from servogen.simulator import layout
-from servogen.simulator.abstract import CELL_PHASED, FIELD, FIELDS, WRITTEN, AssumedBits, ChipState, Use
 
 STATUS, FSR, PORTA, PORTB, EEDATA, EEADR, INTCON = 3, 4, 5, 6, 8, 9, 11
 INDF, TMR0 = 0, 1

@@ -11,6 +11,7 @@ from servogen.edges import HIGH, PINS
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
 from servogen.prove import cuts
+from servogen.prove.chip import AssumedBits, ChipState, Reason, RunOutcome, Use
 from servogen.prove.cuts import _guesses, _Walk, first_edges, once_a_frame, rising_addresses
 from servogen.prove.forks import PreparedProgram
 from servogen.prove.generalise import Guess
@@ -19,7 +20,6 @@ from servogen.prove.transitions import Transitions
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import Channel, Pulse, Run
 from servogen.simulator import layout
-from servogen.simulator.abstract import AssumedBits, ChipState, Reason, RunOutcome, Use
 from servogen.units import Clock, Cycles
 from tests.prove.chip_states import ram, rest
 

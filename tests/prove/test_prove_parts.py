@@ -15,6 +15,17 @@ from servogen.engines.stream.protocol import trim_cycles
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
 from servogen.prove import eeprom, explore, prover, trims
+from servogen.prove.chip import (
+    ALL_UNKNOWN,
+    BASE,
+    CELL_PHASED,
+    FIELD,
+    AssumedBits,
+    ChipState,
+    Reason,
+    RunOutcome,
+    Use,
+)
 from servogen.prove.cuts import _as_held, _needs_w
 from servogen.prove.eeprom import TrimSearch
 from servogen.prove.explore import Explorer, SearchAnswer, SearchFinding, SearchResult
@@ -28,17 +39,6 @@ from servogen.prove.trims import ByteTable, Trimmed, TrimProof, UndecidedTrims, 
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import Channel, Pulse, Run
 from servogen.simulator import SimulatorOptions, layout
-from servogen.simulator.abstract import (
-    ALL_UNKNOWN,
-    BASE,
-    CELL_PHASED,
-    FIELD,
-    AssumedBits,
-    ChipState,
-    Reason,
-    RunOutcome,
-    Use,
-)
 from servogen.units import Clock, Cycles
 from tests.prove.chip_states import ram, rest
 

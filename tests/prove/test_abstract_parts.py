@@ -12,9 +12,7 @@ import pytest
 
 from servogen.edges import PINS
 from servogen.pic.image import Image
-from servogen.simulator import SimulatorOptions
-from servogen.simulator import layout as at
-from servogen.simulator.abstract import (
+from servogen.prove.chip import (
     ALL_UNKNOWN,
     CELL_PHASED,
     FIELD,
@@ -25,8 +23,10 @@ from servogen.simulator.abstract import (
     Reason,
     Use,
 )
+from servogen.simulator import SimulatorOptions
+from servogen.simulator import layout as at
+from tests.prove.test_abstract import BASE, chip_of
 from tests.simulator.helpers import CLOCK, image
-from tests.simulator.test_abstract import BASE, chip_of
 
 GIE, EEIE, T0IE, INTE, RBIE, T0IF, INTF, RBIF = (0x80 >> bit for bit in range(8))
 """DS35007 register 2-3."""

@@ -1,7 +1,7 @@
 """The law of the prover's chip: n cycles of an abstract state contain n cycles of every chip in it.
 
-    python -m tests.simulator.containment --counters
-    python -m tests.simulator.containment --programs 10000
+    python -m tests.prove.containment --counters
+    python -m tests.prove.containment --programs 10000
 
 With `--counters`, for what changes by itself and all 65 536 pairs of a value and its unknown bits. With
 `--programs`, for random programs: each runs from a power-up of which nothing is known, and beside it 24
@@ -33,10 +33,7 @@ from servogen.pic.device import (
 )
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
-from servogen.prove.forks import Choices, PreparedProgram, before_instruction, ways_of
-from servogen.simulator import SimulatorOptions
-from servogen.simulator import layout as at
-from servogen.simulator.abstract import (
+from servogen.prove.chip import (
     BASE,
     CELL_MASK_SHIFT,
     FIELD,
@@ -47,6 +44,9 @@ from servogen.simulator.abstract import (
     RunOutcome,
     Use,
 )
+from servogen.prove.forks import Choices, PreparedProgram, before_instruction, ways_of
+from servogen.simulator import SimulatorOptions
+from servogen.simulator import layout as at
 from servogen.simulator.core import loop
 from servogen.simulator.layout import EEIE, EEIF, WR
 from servogen.simulator.regions import program_code

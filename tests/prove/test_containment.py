@@ -1,13 +1,13 @@
-"""A chip in an abstract state is still in it n cycles later; in full: `tests.simulator.containment`."""
+"""A chip in an abstract state is still in it n cycles later; in full: `tests.prove.containment`."""
 
 from __future__ import annotations
 
 import pytest
 
+from servogen.prove.chip import FIELD, AbstractChip, ChipState
 from servogen.simulator import SimulatorOptions
-from servogen.simulator.abstract import FIELD, AbstractChip, ChipState
-from tests.simulator import containment
-from tests.simulator.containment import CLOCK, COUNTED, End, Follower, counters, every_pair, postscaler
+from tests.prove import containment
+from tests.prove.containment import CLOCK, COUNTED, End, Follower, counters, every_pair, postscaler
 
 
 @pytest.mark.parametrize("case", COUNTED, ids=lambda case: case.name)

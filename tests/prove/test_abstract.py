@@ -15,9 +15,7 @@ import pytest
 from servogen.edges import PINS, UNDRIVEN
 from servogen.pic.image import Image
 from servogen.pic.isa import decode
-from servogen.simulator import Machine, SimulatorOptions
-from servogen.simulator import layout as at
-from servogen.simulator.abstract import (
+from servogen.prove.chip import (
     ALL_UNKNOWN,
     CELL_PHASED,
     FIELD,
@@ -28,6 +26,8 @@ from servogen.simulator.abstract import (
     Reason,
     Use,
 )
+from servogen.simulator import Machine, SimulatorOptions
+from servogen.simulator import layout as at
 from tests.simulator.helpers import CLOCK, image
 from tests.simulator.test_exact import rows
 from tests.simulator.test_unknown import prepared_image
