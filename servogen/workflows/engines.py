@@ -127,9 +127,14 @@ def _bent(job: PlannedJob) -> str:
 
 
 def _with_reason(played: PlayedJob, refused: InputError | ResourceError) -> PlayedJob:
-    """Return the job with a note why not the smallest engine plays it, whose C is the easiest to read."""
+    """Return the job with a note why not the smallest engine plays it, whose C is the easiest to read, and at
+    which price.
+    """
     title = engine_named(played.engine).title
-    text = f"{title} plays this motion: {refused.message.removeprefix(f'{played.job.name}: ')}"
+    lines = played.make(played.job.firmware.dialect).text.count("\n")
+    price = f"{lines} lines of C, and pulses within {played.plan.schedule.plan_error_us:g} µs of the plan"
+    why = refused.message.removeprefix(f"{played.job.name}: ")
+    text = f"{title} plays this motion: {why}; its price: {price}"
     note = Diagnostic("note", "engine-chosen", text, played.job.document.place("firmware", "engine"))
     return replace(played, job=replace(played.job, notes=(*played.job.notes, note)))
 

@@ -266,7 +266,10 @@ poses = [
 def test_a_larger_engine_than_the_smallest_says_why() -> None:
     """A law's frames are more than the sequence engine's program can hold; two poses are not."""
     job = plan_job(loads(LAW, "job.toml"))
-    (why,) = [note.message for note in planned(job).job.notes if note.code == "engine-chosen"]
+    played = planned(job)
+    (why,) = [note.message for note in played.job.notes if note.code == "engine-chosen"]
+    lines, error = len(played.make("c2c").text.splitlines()), played.plan.schedule.plan_error_us
+    assert why.endswith(f"its price: {lines} lines of C, and pulses within {error:g} µs of the plan")
     assert why.startswith(
         "the player plays this motion: planned, but more than the sequence engine can hold: "
     )
