@@ -60,7 +60,7 @@ ANSWER_S = 0.25
 """The time in which a moment is gone to before it is said how far the way there is done."""
 WAY_S = 0.1
 """The time for which the server goes on towards a far moment between two looks at other requests."""
-MAX_REPETITION_S = 3600
+MAX_REPETITION_S = 7200
 """The simulated time in which a program's state has to come back."""
 EDGE_S = 10
 """The simulated time in which the next edge is searched."""
@@ -164,7 +164,7 @@ class WatchSession:
             "cycles_per_second": float(subject.clock.cycles_per_second),
             "pins": list(PINS),
             "package": [{"number": pin.number, "name": pin.name} for pin in PACKAGE],
-            "period": placed[0].steps * placed[0].schedule.period if len(placed) == 1 else self._period,
+            "period": self._frame,
             "runs": self.subject.image is not None,
             "end": int(self.recording.end) if self.recording else None,
             "channels": [
@@ -318,13 +318,18 @@ class WatchSession:
     def _as_scope(self) -> bool:
         return self.speed is None or self.speed > SCOPE_SPEED
 
+    @property
+    def _frame(self) -> float:
+        """Return a frame of the schedule where it lies in the trace, whose clock may be another one."""
+        placed = self.subject.wanted
+        return placed[0].steps * placed[0].schedule.period if len(placed) == 1 else self._period
+
     def _follow(self) -> None:
         """Move the window of the waves so that the moment stays in sight while it runs."""
         begin, end = self._sight
         span = end - begin
         if self._as_scope():
-            placed = self.subject.wanted
-            period = round(placed[0].steps * placed[0].schedule.period) if len(placed) == 1 else self._period
+            period = round(self._frame)
             frames = (self.now - end) // period
             begin = max(begin + frames * period, begin % period)
         elif not begin <= self.now <= begin + (1 - AHEAD / 2) * span:

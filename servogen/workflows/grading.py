@@ -97,7 +97,7 @@ ODD_VALUES = 16
 
 
 class Runnable(Protocol):
-    """A program that can be run: its image, the clock that its source names, and remarks about its file."""
+    """A program that can be run: its image, the clock of its source, remarks about its file, warnings."""
 
     @property
     def image(self) -> Image: ...
@@ -107,6 +107,9 @@ class Runnable(Protocol):
 
     @property
     def remarks(self) -> tuple[Diagnostic, ...]: ...
+
+    @property
+    def warnings(self) -> tuple[Diagnostic, ...]: ...
 
     @property
     def listing(self) -> Listing | None: ...

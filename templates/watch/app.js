@@ -160,9 +160,16 @@ class Page {
     }[message.is];
     take?.();
   }
-  status(message) {
-    write(byId("status"), message.text);
-    byId("status").classList.toggle("bad", !!message.failed);
+  // What the server is doing; of what takes long, for how many seconds.
+  status({ text, failed }) {
+    const begin = performance.now(), say = () => {
+      const seconds = Math.floor((performance.now() - begin) / 1000);
+      write(byId("status"), seconds && !failed ? `${text} (${seconds} s)` : text);
+    };
+    clearInterval(this.counting);
+    say();
+    if (text && !failed) this.counting = setInterval(say, 1000);
+    byId("status").classList.toggle("bad", !!failed);
   }
   problem(message) {
     if (message.about === "check") this.editor.planned();
