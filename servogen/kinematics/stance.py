@@ -237,13 +237,23 @@ class CircleStance:
     def neutral(self, leg: int, motion: BodyMotion) -> complex:
         """Return where the foot is in the middle of its stance.
 
-        A straight stance of length c is nearest to the circle of radius ρ with its middle c² / 16ρ inside.
+        A straight stance of length c is nearest to the circle of radius ρ with its middle c² / 16ρ inside,
+        one along a curve of radius R about the same side c² / 16 (1/ρ - 1/R); in a turn on the spot the foot
+        stays on the circle.
         """
         stance = self.legs[leg]
         out = self._reach(stance, motion)
-        if self.stance_width is None and not motion.turn:
-            out -= (abs(motion.step) * motion.duty) ** 2 / (16 * stance.radius)
-        return stance.foothold(motion, out)
+        if self.stance_width is not None or not motion.step:
+            return stance.foothold(motion, out)
+        centre = motion.centre
+        if centre is None:
+            inside = (abs(motion.step) * motion.duty) ** 2 / (16 * stance.radius)
+            return stance.foothold(motion, out - inside)
+        way = stance.foothold(motion, out) - centre
+        length = abs(way) * abs(motion.turn) * motion.duty
+        same_side = math.copysign(1.0, (way * stance.direction(motion).conjugate()).real)
+        apart = 1 / stance.radius - same_side / max(abs(way), SAME_M)
+        return stance.foothold(motion, out - length**2 * apart / 16)
 
     def held_back(self, leg: int, motion: BodyMotion) -> float:
         """Return the angle by which the limits of α keep the foot off the line from the centre."""

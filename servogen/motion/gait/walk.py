@@ -53,6 +53,9 @@ MAX_LIFTOFF_SLIDE = 3.0
 """The maximum sideways movement of a foot up to that moment, in multiples of its height."""
 
 
+MAX_LEAN_SLIP = 0.1
+"""The largest correction, as a share of a step, that legs of two joints may need while the body leans."""
+
 SAME_DIGITS = 9
 """Digits of metres to which distances are compared, so that every machine names the same frame."""
 
@@ -312,6 +315,8 @@ def walk(
         needed_frames=needed,
     )
     _refuse(result, spring_m, allow_falling)
+    if plan.margin is not None and not plan.stance.free and spring_m is None:
+        _refuse_lean(result, segments)
     meeting = nearest_collision(robot, result.leg_angles, gap)
     if meeting is not None:
         raise InputError(
@@ -365,6 +370,24 @@ def _check_limits(joints: Mapping[str, Joint], angles: Floats) -> None:
                 f"{name} would have to turn from {shown}: its limits are {allowed}",
                 hint="shorten the stride, or lift the feet less",
             )
+
+
+def _refuse_lean(walk: Walk, segments: Sequence[Segment]) -> None:
+    """Raise InputError where legs of two joints cannot follow a body that leans, so that it would lose its
+    way.
+    """
+    far = float(np.abs(walk.feet[0, :, 0] + 1j * walk.feet[0, :, 1]).max())
+    steps = [abs(complex(each.forward, each.left)) + abs(each.turn) * far for each in segments]
+    step = min((each for each in steps if each), default=0.0)
+    worst = walk.largest_correction_m
+    if step and worst > MAX_LEAN_SLIP * step:
+        raise InputError(
+            "servo-limit",
+            f"legs of two joints cannot follow the body while it leans: a foot would slip by "
+            f"{1000 * worst:.1f} mm in steps of {1000 * step:.0f} mm",
+            hint="a smaller margin_mm (0: no leaning), feet farther apart along the body, longer steps, or "
+            "legs of three joints; spring_mm, if the legs yield",
+        )
 
 
 def _refuse(walk: Walk, spring_m: float | None, allow_falling: bool) -> None:
