@@ -5,5 +5,5 @@
 
 __version__ = "0.1.0"
 
-INTERRUPTED = 130
-"""The exit code after Ctrl-C; it is defined here so that it is known before anything else is imported."""
+INTERRUPTED, NOBODY_READS = 130, 141
+"""The exit codes after Ctrl-C, and after a closed pipe or output; known before anything else is imported."""

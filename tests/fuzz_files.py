@@ -35,7 +35,7 @@ from typing import Any
 
 import typer
 
-from servogen.cli.main import app
+from servogen.cli.app import app
 from servogen.errors import ServogenError
 
 UsageError: type[Exception] = typer.BadParameter.__mro__[1]

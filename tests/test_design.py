@@ -183,6 +183,43 @@ SAME_NAME = {
 """Public classes that share a name, and why."""
 
 
+COMMAND_LINES = 60
+
+
+def test_a_command_is_parse_call_and_show() -> None:
+    """What is longer does something that a workflow should do, or declares options that belong together."""
+    lengths = {
+        f"{file.name}:{node.lineno} {node.name}": (node.end_lineno or 0) - node.lineno + 1
+        for file in sorted((PACKAGE / "cli").glob("*.py"))
+        for node in nodes_of(tree_of(file))
+        if isinstance(node, ast.FunctionDef)
+    }
+    assert len(lengths) > 100
+    assert [name for name, length in lengths.items() if length > COMMAND_LINES] == []
+
+
+IMPORTED_WHEN_NEEDED = {
+    "main.py": 1,  # the version is printed without typer
+    "files.py": 1,  # a HEX file is simulated without the compiler
+    "page_server.py": 3,  # the server's package may be missing
+    "show.py": 7,  # rich, where a table or a bar is shown
+}
+"""The imports within functions of the command line, by module."""
+
+
+def test_commands_import_at_their_top() -> None:
+    """Only the called command is loaded, and says at its top what it needs."""
+    inside = Counter(
+        file.name
+        for file in (PACKAGE / "cli").glob("*.py")
+        for function in nodes_of(tree_of(file))
+        if isinstance(function, ast.FunctionDef)
+        for node in ast.walk(function)
+        if isinstance(node, ast.Import | ast.ImportFrom)
+    )
+    assert inside == IMPORTED_WHEN_NEEDED
+
+
 def test_one_name_means_one_class() -> None:
     """Otherwise a reader who searches for a name finds several things."""
     definitions = [name for file in PACKAGE.rglob("*.py") for name in public_classes(tree_of(file))]

@@ -17,7 +17,9 @@ WORD = re.compile(r"\b(?:un)?prov(?:en|e|es|ed|ing)\b|\bproofs?\b", re.IGNORECAS
 ABOUT_IT = (
     "servogen/prove/",
     "servogen/checker/",
-    "servogen/cli/proof_commands.py",
+    "servogen/cli/prove_command.py",
+    "servogen/cli/schedule_proof.py",
+    "servogen/cli/certificate_command.py",
     "servogen/cli/contracts.py",
     "servogen/workflows/certificates.py",
     "docs/proof.md",
@@ -25,7 +27,7 @@ ABOUT_IT = (
 """Files about the theorem, or the program that finds it."""
 NAMES = re.compile(
     r"servogen[ .]prove\b|`(?:make )?prove\b[^`]*`|`prove$|^prove\b|(?:docs/)?proof\.md|--prove\b|prove/"
-    r"|make prove\b|servogen\.build\.certificates|proof_commands|tests[./]prove\b"
+    r"|make prove\b|servogen\.build\.certificates|prove_command|schedule_proof|tests[./]prove\b"
 )
 """Names of commands, packages and files, which say nothing of a program."""
 ALLOWED = {
@@ -60,9 +62,9 @@ ALLOWED = {
         "this proves that no slot",
     ),
     "docs/diagnostics.md": ("is proven by one engine only", "prove it without"),
-    "servogen/cli/main.py": ('("prove", "check-certificate")',),
-    "servogen/cli/doctor_commands.py": ("to build a job and prove it",),
-    "servogen/cli/job_commands.py": ("prove", "proven", "proof"),  # `build --prove` and its column
+    "servogen/cli/app.py": ('"prove_command": ("prove",)',),
+    "servogen/cli/doctor_command.py": ("to build a job and prove it",),
+    "servogen/cli/build_commands.py": ("prove", "proven", "proof"),  # `build --prove` and its column
     "servogen/engines/stream/response.py": ("proven",),  # a lemma of `prove --any-line`
     "servogen/report/text.py": ("servogen prove",),
 }

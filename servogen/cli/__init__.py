@@ -1,4 +1,4 @@
-"""The command line: one module per group of commands, with heavy imports inside, so that help is quick."""
+"""The command line: a module for each command, or for several that need the same imports."""
 
 from servogen.cli.main import main
 

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 from servogen import programs
 from servogen.cli.show import warn
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.isolation import COMPILING, WorkLimits, missing_limits
-
-if TYPE_CHECKING:
-    from servogen.pic.image import Image
-    from servogen.programs import Program
+from servogen.outputs import write_text
+from servogen.pic.image import Image, read_hex, to_hex
+from servogen.pic.listing import Listing, listing_text
+from servogen.programs import Program
 
 T = TypeVar("T")
 
@@ -41,8 +41,6 @@ def read_image(path: Path) -> Image:
 
     Raises InputError.
     """
-    from servogen.pic.image import read_hex
-
     if programs.is_job(path):
         return read_program(path).image
     path = programs.program_file(path)
@@ -60,7 +58,7 @@ def read_program(path: Path, device_name: str | None = None) -> Program:
     if path.suffix.lower() in (programs.C_SUFFIX, *programs.ASSEMBLY_SUFFIXES):
         warn_of_missing_limits()
     if programs.is_job(path):
-        from servogen.workflows.job_program import read_program as built  # loads the compiler and the engines
+        from servogen.workflows.job_program import read_program as built  # compiler, engines: only for a job
 
         program = built(path)
     else:
@@ -86,3 +84,10 @@ def warn_of_missing_limits() -> None:
     """Warn, once, if this system cannot limit a process."""
     if sentence := missing_limits():
         warn(Diagnostic("warning", "no-limits", sentence))
+
+
+def write_program(target: Path, image: Image, listing: Path | None, rows: Listing) -> None:
+    """Write a HEX file and, if asked for, its listing."""
+    write_text(target, to_hex(image))
+    if listing:
+        write_text(listing, listing_text(rows))

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -15,15 +15,35 @@ from servogen.cli.options import Json, MemoryLimit, OpensBrowser, ServerPort
 from servogen.cli.page_server import require_server, serve_until_ctrl_c
 from servogen.cli.show import as_json, progress, table, warn
 from servogen.errors import Diagnostic, InputError, Location, ServogenError
+from servogen.grade import (
+    Lab,
+    find_submissions,
+    handout_html,
+    handout_markdown,
+    load_lab,
+    page,
+    page_names,
+    shown_name,
+    visible,
+)
+from servogen.grade.formats import (
+    GradedProgram,
+    classroom_json,
+    classroom_without_program,
+    csv_text,
+    gradescope_json,
+    gradescope_without_program,
+    junit_xml,
+)
+from servogen.grade.points import max_total, number, outcomes, total
+from servogen.grade.submissions import Submissions
 from servogen.isolation import COMPILING, missing_limits
+from servogen.outputs import make_folder, write_text
 from servogen.programs import HEX_SUFFIXES, PROGRAM_SUFFIXES, read_submission
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from servogen.grade import Lab
-    from servogen.grade.formats import GradedProgram
-    from servogen.workflows.grading import Graded, GradingTask
+from servogen.watch.graded import class_pages, class_rooms
+from servogen.watch.server import WatchServer
+from servogen.workflows.films import class_page, film_name, film_page, watch_command
+from servogen.workflows.grading import Graded, GradingTask, copies, grade_submissions
 
 IMAGES = tuple(suffix for suffix in HEX_SUFFIXES if suffix != ".obj")
 """The suffixes of HEX files in a folder; without .obj, which other tools use for different files."""
@@ -32,11 +52,6 @@ SOURCES = tuple(suffix for suffix in PROGRAM_SUFFIXES if suffix not in HEX_SUFFI
 
 
 NO_PROGRAM = "no-program"
-
-
-def register(app: typer.Typer) -> None:
-    app.command()(grade)
-    app.command()(handout)
 
 
 def handout(
@@ -50,9 +65,6 @@ def handout(
     ] = None,
 ) -> None:
     """Write a lab's task sheet without its solution: wiring, servos, task, grading."""
-    from servogen.grade import handout_html, handout_markdown, load_lab
-    from servogen.outputs import write_text
-
     task = load_lab(lab)
     if output is None:
         print(handout_markdown(task), end="")
@@ -63,25 +75,17 @@ def handout(
             "not-allowed", "is neither .md nor .html", Location(str(output)), "name the file handout.html"
         )
     write_text(output, forms[output.suffix](task))
-    print(f"{output}: the sheet for students. Their programs: servogen grade {lab} FILES")
+    print(f"{output}: the sheet for students. Next, with their programs: servogen grade {lab} FILES")
 
 
-def grade(
-    lab: Annotated[
-        str,
-        typer.Argument(help="lab8-exercise, lab9-exercise or a lab of your own (.toml).", show_default=False),
-    ],
-    files: Annotated[
-        list[Path],
-        typer.Argument(help="HEX, C or assembly files, or folders of them.", show_default=False),
-    ],
-    pages: Annotated[
-        Path | None, typer.Option("--pages", help="Write a Markdown page for each program to this folder.")
-    ] = None,
-    csv: Annotated[Path | None, typer.Option("--csv", help="Write a table with one row per program.")] = None,
+@dataclass(frozen=True, slots=True)
+class GradeFiles:
+    """The files for other programs; None: not requested."""
+
+    csv: Annotated[Path | None, typer.Option("--csv", help="Write a table with one row per program.")] = None
     junit: Annotated[
         Path | None, typer.Option("--junit", help="Write JUnit XML: a suite per program, a case per check.")
-    ] = None,
+    ] = None
     gradescope: Annotated[
         Path | None,
         typer.Option(
@@ -89,7 +93,7 @@ def grade(
             help="Write Gradescope's results.json: for a single program to this file (.json), else "
             "one file per program to this folder.",
         ),
-    ] = None,
+    ] = None
     classroom: Annotated[
         Path | None,
         typer.Option(
@@ -97,121 +101,11 @@ def grade(
             help="Write the results that GitHub Classroom's reporter reads: for a single program to "
             "this file (.json), else one file per program to this folder.",
         ),
-    ] = None,
-    level: Annotated[
-        int,
-        typer.Option(
-            "--level",
-            min=0,
-            max=8,
-            help="How many levels below a given folder the students' folders are; a program can "
-            "include only its own student's files.",
-        ),
-    ] = 1,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            "--scheduler", help="The address of a Dask scheduler (default: use this machine's cores)."
-        ),
-    ] = None,
-    timeout: Annotated[
-        float,
-        typer.Option(
-            "--timeout",
-            min=0.1,
-            help="Processor seconds for running one program; compiling it is limited to "
-            f"{COMPILING.seconds:g}.",
-        ),
-    ] = 120.0,
-    memory_mb: MemoryLimit = COMPILING.memory_mb,
-    watch: Annotated[
-        bool,
-        typer.Option(
-            "--watch",
-            help="Afterwards serve the pages on this machine until Ctrl-C: a click opens a program "
-            "in the browser at the moment that is wrong.",
-        ),
-    ] = False,
-    port: ServerPort = 0,
-    browser: OpensBrowser = True,
-    json: Json = False,
-) -> None:
-    """Check programs against a lab's task and report what is wrong with each."""
-    if watch:
-        if json:
-            raise InputError("conflicting-options", "--watch prints an address: without --json")
-        require_server()
-    elif port:
-        raise InputError("conflicting-options", "--port is for --watch")
-    from servogen.grade import find_submissions, load_lab, page_names, visible
-    from servogen.workflows.grading import GradingTask, copies, grade_submissions
+    ] = None
 
-    keep_apart([path for path in files if not path.is_dir()], csv, junit, gradescope, classroom)
-    task = GradingTask.of(load_lab(lab), read_submission, timeout, memory_mb)
-    if sentence := missing_limits():
-        warn(Diagnostic("warning", "no-limits", sentence))
-    formats = _Formats(csv, junit, gradescope, classroom)
-    try:
-        search = find_submissions(files, SOURCES, IMAGES, level)
-    except InputError as error:
-        if error.code == NO_PROGRAM:
-            formats.write_without_program(task.lab, "no program was handed in")
-        raise
-    for diagnostic in (*search.warnings, *search.errors):
-        file = diagnostic.location and diagnostic.location.file
-        warn(replace(diagnostic, location=Location(visible(file)) if file else None))
-    with progress(task.lab.title, len(search.submissions)) as tell:
-        graded = grade_submissions(search.submissions, task, scheduler, tell)
-    names = page_names([result.submission.name for result in graded]) if pages or watch else []
-    failure = _write_pages(pages, names, task.lab, graded) if pages else None
-    formats.write(task.lab, graded)
-    if json:
-        task_of_lab = {"lab": task.lab.name, "title": task.lab.title, "task": task.lab.task}
-        same = [list(group) for group in copies(graded)]
-        as_json({**task_of_lab, "programs": _rows(task.lab, graded, names), "same_code": same})
-    else:
-        _show(task.lab, graded)
-        for group in copies(graded):
-            print(f"the same machine code: {', '.join(group)}")
-    if watch:
-        _serve(task, names, graded, port, browser)
-    if failure:
-        raise failure
-    if formats.wants_one and len(graded) > 1:
-        raise InputError("several-programs", _several(graded), hint="hand in one program, or name a folder")
-    if any(result.defect for result in graded):
-        raise typer.Exit(3)
-    if search.errors:
-        raise typer.Exit(2)
-    raise typer.Exit(0 if all(result.grade.passed for result in graded) else 1)
-
-
-def _serve(
-    task: GradingTask, names: Sequence[str], graded: Sequence[Graded], port: int, browser: bool
-) -> None:
-    """Serve the class's pages until Ctrl-C."""
-    from servogen.watch.graded import class_pages, class_rooms
-    from servogen.watch.server import WatchServer
-
-    server = WatchServer(class_rooms(task, graded), class_pages(task, names, graded))
-    serve_until_ctrl_c(server, task.lab.name, port, browser)
-
-
-def _several(graded: Sequence[Graded]) -> str:
-    from servogen.grade import shown_name
-
-    names = ", ".join(shown_name(result.submission.name) for result in graded)
-    return f"{len(graded)} programs were handed in, where one is graded: {names}"
-
-
-@dataclass(frozen=True, slots=True)
-class _Formats:
-    """The paths of the files for other programs; None: not requested."""
-
-    csv: Path | None
-    junit: Path | None
-    gradescope: Path | None
-    classroom: Path | None
+    @property
+    def paths(self) -> Sequence[Path | None]:
+        return (self.csv, self.junit, self.gradescope, self.classroom)
 
     @property
     def wants_one(self) -> bool:
@@ -220,9 +114,6 @@ class _Formats:
 
     def write(self, lab: Lab, graded: Sequence[Graded]) -> None:
         """Write the requested files."""
-        from servogen.grade.formats import GradedProgram, classroom_json, csv_text, gradescope_json, junit_xml
-        from servogen.outputs import write_text
-
         entries = [GradedProgram(result.submission.name, result.grade, result.defect) for result in graded]
         if self.csv:
             write_text(self.csv, csv_text(lab, entries))
@@ -238,9 +129,6 @@ class _Formats:
 
     def write_without_program(self, lab: Lab, why: str) -> None:
         """Write the files of one submission that does not contain one program: no points, and the reason."""
-        from servogen.grade.formats import classroom_without_program, gradescope_without_program
-        from servogen.outputs import write_text
-
         for target, text in (
             (self.gradescope, gradescope_without_program),
             (self.classroom, classroom_without_program),
@@ -249,11 +137,142 @@ class _Formats:
                 write_text(target, text(lab, why))
 
 
+@dataclass(frozen=True, slots=True)
+class GradeLimits:
+    """How the programs are run."""
+
+    level: Annotated[
+        int,
+        typer.Option(
+            "--level",
+            min=0,
+            max=8,
+            help="How many levels below a given folder the students' folders are; a program can "
+            "include only its own student's files.",
+        ),
+    ] = 1
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduler", help="The address of a Dask scheduler (default: use this machine's cores)."
+        ),
+    ] = None
+    timeout: Annotated[
+        float,
+        typer.Option(
+            "--timeout",
+            min=0.1,
+            help="Processor seconds for running one program; compiling it is limited to "
+            f"{COMPILING.seconds:g}.",
+        ),
+    ] = 120.0
+    memory_mb: MemoryLimit = COMPILING.memory_mb
+
+
+@dataclass(frozen=True, slots=True)
+class Browsing:
+    """The pages in the browser."""
+
+    watch: Annotated[
+        bool,
+        typer.Option(
+            "--watch",
+            help="Afterwards serve the pages on this machine until Ctrl-C: a click opens a program "
+            "in the browser at the moment that is wrong.",
+        ),
+    ] = False
+    port: ServerPort = 0
+    browser: OpensBrowser = True
+
+    def check(self, json: bool) -> None:
+        """Raise an error where the pages cannot be served as asked."""
+        if self.watch:
+            if json:
+                raise InputError("conflicting-options", "--watch prints an address: without --json")
+            require_server()
+        elif self.port:
+            raise InputError("conflicting-options", "--port is for --watch")
+
+
+def grade(
+    lab: Annotated[
+        str,
+        typer.Argument(help="lab8-exercise, lab9-exercise or a lab of your own (.toml).", show_default=False),
+    ],
+    files: Annotated[
+        list[Path],
+        typer.Argument(help="HEX, C or assembly files, or folders of them.", show_default=False),
+    ],
+    outputs: GradeFiles,
+    work: GradeLimits,
+    browsing: Browsing,
+    pages: Annotated[
+        Path | None, typer.Option("--pages", help="Write a Markdown page for each program to this folder.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Check programs against a lab's task and report what is wrong with each."""
+    browsing.check(json)
+    keep_apart([path for path in files if not path.is_dir()], *outputs.paths)
+    task = GradingTask.of(load_lab(lab), read_submission, work.timeout, work.memory_mb)
+    if sentence := missing_limits():
+        warn(Diagnostic("warning", "no-limits", sentence))
+    search = _search(files, work.level, task.lab, outputs)
+    with progress(task.lab.title, len(search.submissions)) as tell:
+        graded = grade_submissions(search.submissions, task, work.scheduler, tell)
+    names = page_names([result.submission.name for result in graded]) if pages or browsing.watch else []
+    failure = _write_pages(pages, names, task.lab, graded) if pages else None
+    outputs.write(task.lab, graded)
+    if json:
+        task_of_lab = {"lab": task.lab.name, "title": task.lab.title, "task": task.lab.task}
+        same = [list(group) for group in copies(graded)]
+        as_json({**task_of_lab, "programs": _rows(task.lab, graded, names), "same_code": same})
+    else:
+        _show(task.lab, graded)
+        for group in copies(graded):
+            print(f"the same machine code: {', '.join(group)}")
+        if pages and not browsing.watch:
+            print(f"next: open {pages / 'index.html'}, or grade again with --watch")
+    if browsing.watch:
+        _serve(task, names, graded, browsing)
+    if failure:
+        raise failure
+    if outputs.wants_one and len(graded) > 1:
+        raise InputError("several-programs", _several(graded), hint="hand in one program, or name a folder")
+    if any(result.defect for result in graded):
+        raise typer.Exit(3)
+    if search.errors:
+        raise typer.Exit(2)
+    raise typer.Exit(0 if all(result.grade.passed for result in graded) else 1)
+
+
+def _search(files: Sequence[Path], level: int, lab: Lab, outputs: GradeFiles) -> Submissions:
+    """Return the students' programs, and warn of what is none. Raises InputError if there are none."""
+    try:
+        search = find_submissions(files, SOURCES, IMAGES, level)
+    except InputError as error:
+        if error.code == NO_PROGRAM:
+            outputs.write_without_program(lab, "no program was handed in")
+        raise
+    for diagnostic in (*search.warnings, *search.errors):
+        file = diagnostic.location and diagnostic.location.file
+        warn(replace(diagnostic, location=Location(visible(file)) if file else None))
+    return search
+
+
+def _serve(task: GradingTask, names: Sequence[str], graded: Sequence[Graded], browsing: Browsing) -> None:
+    """Serve the class's pages until Ctrl-C."""
+    server = WatchServer(class_rooms(task, graded), class_pages(task, names, graded))
+    serve_until_ctrl_c(server, task.lab.name, browsing.port, browsing.browser)
+
+
+def _several(graded: Sequence[Graded]) -> str:
+    names = ", ".join(shown_name(result.submission.name) for result in graded)
+    return f"{len(graded)} programs were handed in, where one is graded: {names}"
+
+
 def _write_each(folder: Path, entries: Sequence[GradedProgram], text: Callable[[GradedProgram], str]) -> None:
     """Write a file for each program to a folder, named like its page."""
-    from servogen.grade import page_names
-    from servogen.outputs import make_folder, write_text
-
     make_folder(folder)
     pages = page_names([entry.name for entry in entries])
     texts = {f"{page.removesuffix('.md')}.json": entry for page, entry in zip(pages, entries, strict=True)}
@@ -273,10 +292,6 @@ def _write_pages(
     folder: Path, names: Sequence[str], lab: Lab, graded: Sequence[Graded]
 ) -> ServogenError | None:
     """Write each page that can be written; return the error of the first one that could not."""
-    from servogen.grade import page
-    from servogen.outputs import make_folder, write_text
-    from servogen.workflows.films import class_page, film_name, film_page, watch_command
-
     make_folder(folder)
     failure = None
     texts: dict[str, Callable[[], str]] = {"index.html": lambda: class_page(lab, names, graded)}
@@ -298,8 +313,6 @@ def _write_pages(
 
 def _remove_others(folder: Path, kind: str, written: Collection[str]) -> None:
     """Remove the files of this kind that an earlier grading wrote to a folder, and list those of this one."""
-    from servogen.outputs import write_text
-
     listed = folder / f".graded-{kind}"
     before = listed.read_text("utf-8").splitlines() if listed.is_file() and not listed.is_symlink() else []
     for name in set(before) - set(written):
@@ -310,8 +323,6 @@ def _remove_others(folder: Path, kind: str, written: Collection[str]) -> None:
 
 
 def _rows(lab: Lab, graded: Sequence[Graded], pages: Sequence[str]) -> list[dict[str, object]]:
-    from servogen.grade import shown_name
-
     rows: list[dict[str, object]] = [
         {
             "program": shown_name(result.submission.name),
@@ -321,14 +332,12 @@ def _rows(lab: Lab, graded: Sequence[Graded], pages: Sequence[str]) -> list[dict
         }
         for result in graded
     ]
-    for row, page in zip(rows, pages, strict=False):
-        row["page"] = page
+    for row, file in zip(rows, pages, strict=False):
+        row["page"] = file
     return rows
 
 
 def _points(lab: Lab, result: Graded) -> dict[str, object]:
-    from servogen.grade.points import max_total, outcomes, total
-
     results = outcomes(lab, result.grade)
     checks = {
         one.key: {"state": one.state, "points": one.points, "max_points": one.max_points} for one in results
@@ -337,9 +346,6 @@ def _points(lab: Lab, result: Graded) -> dict[str, object]:
 
 
 def _show(lab: Lab, graded: Sequence[Graded]) -> None:
-    from servogen.grade import shown_name
-    from servogen.grade.points import max_total, number, outcomes, total
-
     rows = []
     for result in graded:
         says = result.grade.reasons or [remark.sentence for remark in result.grade.remarks]

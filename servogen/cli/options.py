@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Callable, Mapping
-from dataclasses import Field, dataclass, fields
+from dataclasses import dataclass, fields, replace
 from enum import StrEnum
-from functools import wraps
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from servogen.simulator.options import SimulatorOptions, start_value
 
-NEGATIVE_NUMBERS = {"ignore_unknown_options": True}
-"""Context settings of a command whose arguments may be negative numbers: -5 is not an option."""
+if TYPE_CHECKING:
+    from servogen.toml.file import Table
 
 MAX_SECONDS = 1e9
 """The longest time, thirty years, that a simulation can count."""
 
 MAX_CYCLES = 10**16
+
+CLOCK_HZ = 4_000_000
+"""The clock of a motion without a job: its cycle is 1 µs, so that a period in µs is also one in cycles."""
 
 
 def number(text: str) -> float:
@@ -30,6 +30,26 @@ def number(text: str) -> float:
     except ValueError:
         kind = "an option" if text.startswith("-") else "a number"
         raise typer.BadParameter(f"'{text}' is not {kind}") from None
+
+
+def table_option(table: type[Table], key: str, help: str) -> Any:
+    """Return the option `--key` for a key of a file's table, with the key's range.
+
+    Bounds that the key excludes are allowed here: the planner refuses them with the reason.
+    """
+    limits = {
+        name: getattr(bound, name)
+        for bound in table.model_fields[key].metadata
+        for name in ("ge", "gt", "le", "lt")
+        if hasattr(bound, name)
+    }
+    low, high = limits.get("ge", limits.get("gt")), limits.get("le", limits.get("lt"))
+    return typer.Option(f"--{key.replace('_', '-')}", min=low, max=high, help=help)
+
+
+def usual(table: type[Table], key: str) -> Any:
+    """Return the default of a key of a file's table."""
+    return table.model_fields[key].default
 
 
 JobFile = Annotated[Path, typer.Argument(help="A job file (TOML).", show_default=False)]
@@ -87,114 +107,78 @@ RecordedWires = Annotated[
         "only these are read.",
     ),
 ]
-CHIP_OPTIONS: Mapping[str, tuple[object, Any]] = {
-    # name of the simulator's option: its type and how the command line spells it
-    "ra4_pull_up": (
+DEFAULTS = SimulatorOptions()
+
+
+@dataclass(frozen=True, slots=True)
+class ChipOptions:
+    """The options of the simulated chip and its board; their defaults are the simulator's."""
+
+    ra4_pull_up: Annotated[
         bool,
         typer.Option("--ra4-pull-up", help="Connect a pull-up resistor to RA4, which is an open drain."),
-    ),
-    "watchdog_us": (
+    ] = DEFAULTS.ra4_pull_up
+    watchdog_us: Annotated[
         int,
         typer.Option("--watchdog-us", help="The watchdog's period in µs; 7000 to 33000 on real chips."),
-    ),
-    "eeprom_write_us": (
+    ] = DEFAULTS.watchdog_us
+    eeprom_write_us: Annotated[
         int | None,
         typer.Option(
             "--eeprom-write-us", help="Duration of an EEPROM write in µs (default: typical of the device)."
         ),
-    ),
-    "power_up": (
+    ] = DEFAULTS.eeprom_write_us
+    power_up: Annotated[
         bool,
         typer.Option("--power-up", help="Include the power-up timer and the oscillator's start-up time."),
-    ),
-    "power_up_us": (
+    ] = DEFAULTS.power_up
+    power_up_us: Annotated[
         int,
         typer.Option(
             "--power-up-us", help="The power-up timer's period in µs; 28000 to 132000 on real chips."
         ),
-    ),
-    "oscillator_start_up": (
+    ] = DEFAULTS.power_up_us
+    oscillator_start_up: Annotated[
         bool,
         typer.Option(
             "--oscillator-start-up/--no-oscillator-start-up",
             help="Wait 1024 oscillator periods after a wake-up, unless the oscillator is RC.",
         ),
-    ),
-    "floating": (
+    ] = DEFAULTS.oscillator_start_up
+    floating: Annotated[
         int,
         typer.Option("--floating", help="The level read from a pin that nothing drives: 0 or 1."),
-    ),
-    "start_seed": (
+    ] = DEFAULTS.floating
+    start_seed: Annotated[
         int | None,
         typer.Option("--start-seed", help="Seed for everything that is undefined at power-up."),
-    ),
-    "start": (
-        list[str],
+    ] = DEFAULTS.start_seed
+    start: Annotated[
+        list[str] | None,
         typer.Option(
             "--start",
             metavar="NAME=VALUE",
             help="A value at power-up, such as w=0x12, 0x20=7 or ram=255 (repeatable).",
         ),
-    ),
-    "tmr0_phase": (
+    ] = None
+    tmr0_phase: Annotated[
         int,
         typer.Option(
             "--tmr0-phase",
             help="Cycles (0 to 3) for which TMR0 pauses after OPTION_REG selects its clock.",
         ),
-    ),
-}
-"""The options of the simulated chip and its board; their defaults are the simulator's."""
-
-
-@dataclass(frozen=True, slots=True)
-class ChipOptions:
-    """The options of the simulated chip as a command line gives them."""
-
-    values: Mapping[str, Any]
+    ] = DEFAULTS.tmr0_phase
 
     def on(self, device: str) -> SimulatorOptions:
         """Return the simulator's options for a device. Raises InputError."""
-        start = tuple(start_value(text) for text in self.values["start"])
-        return SimulatorOptions(device=device, **{**self.values, "start": start})
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        start = tuple(start_value(text) for text in self.start or ())
+        return SimulatorOptions(device=device, **{**values, "start": start})
 
     @property
     def given(self) -> bool:
         """Return whether any differs from its default."""
-        return any(
-            self.values[option.name] != option.default
-            for option in fields(SimulatorOptions)
-            if option.name != "device"
-        )
-
-
-def takes_chip_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command the options of the simulated chip, in place of its parameter `chip`."""
-    signature, hints = inspect.signature(command), get_type_hints(command, include_extras=True)
-    own = [
-        parameter.replace(annotation=hints[name])
-        for name, parameter in signature.parameters.items()
-        if name != "chip"
-    ]
-    chips = [_chip_parameter(option) for option in fields(SimulatorOptions) if option.name != "device"]
-    where = next((index for index, parameter in enumerate(own) if parameter.name == "json"), len(own))
-
-    @wraps(command)
-    def with_chip(**values: Any) -> None:
-        given = {name: values.pop(name) for name in CHIP_OPTIONS}
-        chip = ChipOptions({**given, "start": tuple(given["start"] or ())})
-        command(**values, chip=chip)
-
-    with_chip.__signature__ = signature.replace(parameters=[*own[:where], *chips, *own[where:]])  # type: ignore[attr-defined]
-    return with_chip
-
-
-def _chip_parameter(field: Field[Any]) -> inspect.Parameter:
-    kind, option = CHIP_OPTIONS[field.name]
-    annotation = Annotated[kind, option]  # type: ignore[valid-type]
-    return inspect.Parameter(
-        field.name, inspect.Parameter.POSITIONAL_OR_KEYWORD, default=field.default, annotation=annotation
-    )
+        return replace(self, start=self.start or None) != ChipOptions()
 
 
 TimeLimit = Annotated[float, typer.Option("--timeout", min=0.1, help="Stop after this many seconds.")]

@@ -7,14 +7,22 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import asdict
 from math import degrees
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from servogen.cli.options import NEGATIVE_NUMBERS, Json, number
+from servogen.cli.options import Json, number
 from servogen.cli.show import as_json, status, table
+from servogen.errors import InputError
+from servogen.kinematics import queries
+from servogen.kinematics.catalogue import arm, robot
+from servogen.kinematics.urdf import to_urdf
+from servogen.outputs import write_text
+from servogen.robot.servo_models import catalogued_as, figures, names, servo_model
+from servogen.twin.bodies import bodies
 
 RobotName = Annotated[
     str, typer.Argument(help="A name listed by `servogen robots`, or a TOML or URDF file (arm.urdf#tip).")
@@ -33,14 +41,6 @@ SHOWN_M = 1e-9
 """A distance from the target that is shown: smaller ones are rounding noise."""
 
 
-def register(app: typer.Typer) -> None:
-    app.command()(robots)
-    app.command()(servos)
-    for command in (fk, ik, jacobian, statics, transform, orientation, differential):
-        app.command(context_settings=NEGATIVE_NUMBERS)(command)
-    app.command()(mobility)
-
-
 def robots(
     name: Annotated[str | None, typer.Argument(help="The robot to show.", show_default=False)] = None,
     urdf: Annotated[
@@ -53,8 +53,6 @@ def robots(
     json: Json = False,
 ) -> None:
     """List the robots of the catalogue, or show everything about one of them."""
-    from servogen.kinematics import queries
-
     if urdf is not None:
         _write_urdf(name, urdf)
     elif mjcf is not None:
@@ -79,10 +77,6 @@ def servos(
     json: Json = False,
 ) -> None:
     """List the servos of the catalogue, or show every figure of one of them and where it comes from."""
-    from dataclasses import asdict
-
-    from servogen.robot.servo_models import catalogued_as, figures, names, servo_model
-
     if name is None:
         keys = ("name", "supply_v", "speed_deg_s", "torque_ncm", "mass_g", "title")
         rows = [
@@ -118,11 +112,6 @@ def _in(value: float | None, parts: float) -> float | None:
 
 
 def _write_urdf(name: str | None, path: Path) -> None:
-    from servogen.errors import InputError
-    from servogen.kinematics.catalogue import arm
-    from servogen.kinematics.urdf import to_urdf
-    from servogen.outputs import write_text
-
     if name is None:
         raise InputError(
             "missing-option", "which robot should be written?", hint="servogen robots scara --urdf scara.urdf"
@@ -132,11 +121,6 @@ def _write_urdf(name: str | None, path: Path) -> None:
 
 
 def _write_mjcf(name: str | None, path: Path) -> None:
-    from servogen.errors import InputError
-    from servogen.kinematics.catalogue import robot
-    from servogen.outputs import write_text
-    from servogen.twin.bodies import bodies
-
     if name is None:
         raise InputError(
             "missing-option",
@@ -167,8 +151,6 @@ def fk(
     """Compute forward kinematics: where the tool is at given joint positions, or how fast a base on wheels
     moves.
     """
-    from servogen.kinematics import queries
-
     if symbolic:
         with status("simplifying"):
             answer = queries.fk_symbolic(name, style)
@@ -230,9 +212,6 @@ def ik(
     json: Json = False,
 ) -> None:
     """Compute inverse kinematics: the joint positions that reach a target, or the wheel speeds of a base."""
-    from servogen.kinematics import queries
-    from servogen.kinematics.catalogue import arm
-
     ask = queries.configuration_answer if configuration else queries.ik_answer
     answer = ask(name, target, everything)
     if json:
@@ -285,8 +264,6 @@ def jacobian(
     json: Json = False,
 ) -> None:
     """Compute the geometric Jacobian at joint positions, and how well the robot moves there."""
-    from servogen.kinematics import queries
-
     wanted: Any = int(frame) if frame.isdigit() else frame
     if symbolic:
         with status("simplifying"):
@@ -329,8 +306,6 @@ def statics(
     json: Json = False,
 ) -> None:
     """Compute the joint torques of a force on the tool or foot: τ = Jᵀ F, and what the motors must give."""
-    from servogen.kinematics import queries
-
     answer = queries.statics_answer(name, values or (), force_n, moment_nm, leg)
     if json:
         as_json(answer)
@@ -373,9 +348,6 @@ def mobility(
     json: Json = False,
 ) -> None:
     """Compute the mobility and manoeuvrability of a robot, or of a mechanism of elements and joints."""
-    from servogen.errors import InputError
-    from servogen.kinematics import queries
-
     if (name is None) == (elements is None) or (name is not None and (joint or plane)):
         raise InputError(
             "missing-option",
@@ -410,8 +382,6 @@ def transform(
     json: Json = False,
 ) -> None:
     """Compute the matrix of a product of rotations and translations, and where it moves a point."""
-    from servogen.kinematics import queries
-
     answer = queries.transform_answer(text, point or ())
     if json:
         as_json(answer)
@@ -436,8 +406,6 @@ def orientation(
     json: Json = False,
 ) -> None:
     """Convert an orientation to all other forms."""
-    from servogen.kinematics import queries
-
     answer = queries.orientation_answer(form, values)
     if json:
         as_json(answer)
@@ -468,8 +436,6 @@ def differential(
     json: Json = False,
 ) -> None:
     """Compute how a small motion changes a frame, dT = Δ T, and the same motion seen from the frame."""
-    from servogen.kinematics import queries
-
     answer = queries.differential_answer(text, translation, rotation_rad, moving=moving)
     if json:
         as_json(answer)

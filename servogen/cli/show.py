@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -120,6 +121,11 @@ def warn(diagnostic: Diagnostic) -> None:
     """Print one diagnostic on standard error, and keep it for `as_json`."""
     _warned.append(diagnostic)
     print(diagnostic, file=sys.stderr)
+
+
+def next_step(command: str, *words: object) -> str:
+    """Return the line that ends what a command prints: what to type next."""
+    return f"next: servogen {shlex.join([command, *map(str, words)])}"
 
 
 def warn_of_all(warnings: Sequence[Diagnostic], lines: SourceLines | None = None) -> None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
+from servogen.cli.contracts import ContractRequest, verify_contract
 from servogen.cli.files import keep_apart, read_program
 from servogen.cli.options import (
     CaptureRate,
@@ -18,19 +21,34 @@ from servogen.cli.options import (
     RecordedWires,
     Seconds,
     StimulusFile,
-    takes_chip_options,
 )
 from servogen.cli.show import as_json, status, warn_of_all
+from servogen.edges import EdgeTrace
 from servogen.errors import InputError, Location
+from servogen.outputs import write_text
+from servogen.pic.image import Image
 from servogen.programs import chip_of, read_schedule
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from servogen.edges import EdgeTrace
-    from servogen.pic.image import Image
-    from servogen.pulse import PulseSchedule
-    from servogen.simulator import SimulatorOptions
+from servogen.pulse import PulseSchedule
+from servogen.report.pulse_plot import pulse_plot
+from servogen.simulator import SimulatorOptions
+from servogen.traces import read_edges
+from servogen.traces.captures import is_capture, read_capture, sampled_at
+from servogen.verify import capture_lines, measurement_lines, verdict_lines
+from servogen.verify import measure as measured
+from servogen.workflows import judge_file, judge_image, motion_cycles
+from servogen.workflows.measured_schedule import measured_schedule
+from servogen.workflows.signals import (
+    device_for,
+    is_program,
+    measured_warnings,
+    program_for,
+    refuse_chip_options,
+    scheduled_edges,
+    servos_named,
+    unscheduled_edges,
+    wires_for,
+)
+from servogen.workflows.verification import hidden_by, judge_capture, judge_forever, not_judged
 
 FOREVER_SECONDS = 3 * 3600.0
 """The time in which a repeated state is searched: TMR0 and a motion of 2000 frames repeat together in it."""
@@ -44,24 +62,60 @@ SignalFile = Annotated[
 ]
 
 
-def register(app: typer.Typer) -> None:
-    app.command()(takes_chip_options(verify))
-    app.command()(takes_chip_options(measure))
-    app.command()(takes_chip_options(plot))
+@dataclass(frozen=True, slots=True)
+class RecordingOptions:
+    """How a recording is read, and how much of it counts."""
+
+    partial: Partial = False
+    rate: CaptureRate = None
+    wire: RecordedWires = None
+
+
+@dataclass(frozen=True, slots=True)
+class ContractOptions:
+    """A contract in place of a schedule, and what a schedule would state."""
+
+    contract: Annotated[
+        Path | None,
+        typer.Option("--contract", help="The contract (TOML) that it should keep, instead of a schedule."),
+    ] = None
+    stimulus: StimulusFile = None
+    clock_hz: ClockHz = None
+
+    def request(
+        self,
+        file: Path,
+        chip: ChipOptions,
+        seconds: float | None,
+        wires: Mapping[str, str] | None,
+        device: str | None,
+        source: RecordingOptions,
+        json: bool,
+    ) -> ContractRequest:
+        """Return what is to be judged by the contract."""
+        assert self.contract is not None
+        return ContractRequest(
+            file=file,
+            contract=self.contract,
+            chip=chip,
+            seconds=seconds,
+            stimulus=self.stimulus,
+            clock_hz=self.clock_hz,
+            wires=wires,
+            device=device,
+            partial=source.partial,
+            json=json,
+        )
 
 
 def verify(
     file: SignalFile,
     chip: ChipOptions,
+    claim: ContractOptions,
+    source: RecordingOptions,
     against: Annotated[
         Path | None, typer.Option("--against", help="The schedule.json that it should follow.")
     ] = None,
-    contract: Annotated[
-        Path | None,
-        typer.Option("--contract", help="The contract (TOML) that it should keep, instead of a schedule."),
-    ] = None,
-    stimulus: StimulusFile = None,
-    clock_hz: ClockHz = None,
     seconds: Seconds = None,
     forever: Annotated[
         bool,
@@ -70,29 +124,14 @@ def verify(
             help="Compare for all time from this start: run until the chip's whole state repeats.",
         ),
     ] = False,
-    partial: Partial = False,
-    rate: CaptureRate = None,
-    wire: RecordedWires = None,
     device: OwnDevice = None,
     json: Json = False,
 ) -> None:
     """Compare a program's edges (default: the motion three times) or a whole recording with a schedule."""
-    from servogen.traces import read_edges
-    from servogen.traces.captures import is_capture
-    from servogen.verify import verdict_lines
-    from servogen.workflows import judge_file, judge_image
-    from servogen.workflows.signals import device_for, is_program, program_for, refuse_chip_options, wires_for
-    from servogen.workflows.verification import hidden_by, not_judged
-
-    wires = wires_for(file, wire)
-    _one_claim(against, contract, {"--stimulus": stimulus, "--clock-hz": clock_hz})
-    if contract is not None:
-        from servogen.cli.contracts import ContractRequest, verify_contract
-
-        request = ContractRequest(
-            file, contract, chip, seconds, stimulus, clock_hz, wires, device, partial, json
-        )
-        raise typer.Exit(verify_contract(request))
+    wires = wires_for(file, source.wire)
+    _one_claim(against, claim.contract, {"--stimulus": claim.stimulus, "--clock-hz": claim.clock_hz})
+    if claim.contract is not None:
+        raise typer.Exit(verify_contract(claim.request(file, chip, seconds, wires, device, source, json)))
     assert against is not None
     schedule = read_schedule(against)
     board = chip.on(device_for(schedule, against, device))
@@ -106,8 +145,8 @@ def verify(
             raise InputError(
                 "conflicting-options", "a capture is always compared to its end", place, "omit --seconds"
             )
-        raise typer.Exit(_verify_capture(file, schedule, rate, wires, partial, json))
-    if rate is not None:
+        raise typer.Exit(_verify_capture(file, schedule, source.rate, wires, source.partial, json))
+    if source.rate is not None:
         raise InputError(
             "conflicting-options", "only a capture has a sampling rate", Location(str(file), key="--rate")
         )
@@ -131,7 +170,7 @@ def verify(
         as_json(verdict.to_json() | _run_json(schedule, image), verdict.warnings)
     else:
         print("\n".join((*verdict_lines(verdict), *not_judged(schedule, image))))
-    raise typer.Exit(0 if verdict.accepted(partial) else 1)
+    raise typer.Exit(0 if verdict.accepted(source.partial) else 1)
 
 
 def _one_claim(against: Path | None, contract: Path | None, of_contract: Mapping[str, object]) -> None:
@@ -154,10 +193,6 @@ def _one_claim(against: Path | None, contract: Path | None, of_contract: Mapping
 def _verify_forever(
     file: Path, schedule: PulseSchedule, seconds: float | None, board: SimulatorOptions, json: bool
 ) -> int:
-    from servogen.verify import verdict_lines
-    from servogen.workflows.signals import is_program, program_for
-    from servogen.workflows.verification import judge_forever, not_judged
-
     if not is_program(file):
         raise InputError(
             "conflicting-options",
@@ -178,8 +213,6 @@ def _verify_forever(
 
 def _run_json(schedule: PulseSchedule, image: Image | None) -> dict[str, object]:
     """Return the levels at which a program's inputs were held, and what was not judged."""
-    from servogen.workflows.verification import not_judged
-
     held = {source.pin: source.level for source in schedule.inputs} if image is not None else {}
     return {"held": held, "not_judged": list(not_judged(schedule, image))}
 
@@ -196,10 +229,6 @@ def _verify_capture(
 
     The analyser's own clock, the crystal's error and the samples' grid are allowed for.
     """
-    from servogen.traces.captures import read_capture, sampled_at
-    from servogen.verify import capture_lines
-    from servogen.workflows.verification import judge_capture, not_judged
-
     capture = read_capture(file, wires)
     if rate is not None:
         capture = sampled_at(capture, rate)
@@ -236,17 +265,6 @@ def measure(
     """Measure the pulses of a program (default: for 20 s) or of recorded edges, and warn about
     suspicious ones.
     """
-    from servogen.verify import measure as measured
-    from servogen.verify import measurement_lines
-    from servogen.workflows.signals import (
-        is_program,
-        measured_warnings,
-        refuse_chip_options,
-        servos_named,
-        unscheduled_edges,
-        wires_for,
-    )
-
     keep_apart([file], schedule)
     models = servos_named(servo or [])
     if device is not None or chip.given:
@@ -273,9 +291,6 @@ def measure(
 def _write_schedule(
     path: Path, trace: EdgeTrace, file: Path, servos: Mapping[str, str], device: str | None
 ) -> None:
-    from servogen.outputs import write_text
-    from servogen.workflows.measured_schedule import measured_schedule
-
     write_text(path, measured_schedule(trace, str(file), servos, device).json_text())
 
 
@@ -292,17 +307,6 @@ def plot(
     device: OwnDevice = None,
 ) -> None:
     """Draw the pulses of a program or of recorded edges (default: the motion once, else 20 s)."""
-    from servogen.report.pulse_plot import pulse_plot
-    from servogen.workflows import motion_cycles
-    from servogen.workflows.signals import (
-        device_for,
-        is_program,
-        refuse_chip_options,
-        scheduled_edges,
-        unscheduled_edges,
-        wires_for,
-    )
-
     keep_apart([path for path in (file, against) if path], output)
     schedule = read_schedule(against) if against else None
     wires = wires_for(file, wire)

@@ -289,6 +289,31 @@ def _pause_words(stay: Stay, position: TaskPosition) -> str:
     return f"it stays at {position.name}, with pulses, for {stay.stays_s:.2f} s; {asked}"
 
 
+def move_faults(
+    lab: Lab, watched: Watched, everything: Sequence[Visit], stays: Sequence[Stay], solution: Solution
+) -> Iterator[Fault]:
+    """Yield the longest move to each position if it lasts too long, and positions that are only passed."""
+    second = float(watched.clock.cycles_per_second)
+    passed: dict[int, Stay] = {}
+    for stay in stays:
+        brief = stay.whole and 4 * stay.stays_s <= lab.longest_move_s
+        if brief and solution.positions[stay.position].pause_s is None:
+            passed.setdefault(stay.position, stay)
+    for position, stay in sorted(passed.items()):
+        name = solution.positions[position].name
+        text = f"it passes through {name} in {stay.stays_s:.2f} s, too fast to be a stop"
+        yield Fault((Check.TRAVEL,), text)
+    moves: dict[tuple[int, int], float] = {}
+    for before, after in pairwise(stays):
+        way = before.position, after.position
+        moves[way] = max(moves.get(way, 0.0), (after.visit.begin - before.visit.end) / second)
+    for (start, end), seconds in sorted(moves.items()):
+        if seconds > lab.longest_move_s:
+            names = " to ".join(solution.positions[number].name for number in (start, end))
+            text = f"the move from {names} lasts {seconds:.2f} s; it may last {lab.longest_move_s:g} s"
+            yield Fault((Check.TRAVEL,), text)
+
+
 def travel_faults(
     lab: Lab,
     watched: Watched,

@@ -7,9 +7,10 @@ matches one; otherwise the grade says what is wrong compared with the nearest.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from itertools import product
+from dataclasses import dataclass, replace
+from itertools import islice, permutations, product
 
 from servogen.edges import PINS
 from servogen.errors import Diagnostic
@@ -17,11 +18,13 @@ from servogen.grade.checks import (
     ChipFacts,
     Fault,
     Stay,
+    VisitOrder,
     cause,
     clock_words,
     end_faults,
     first_wrong,
     interruption_faults,
+    move_faults,
     order,
     order_faults,
     pause_faults,
@@ -157,7 +160,35 @@ def judge(lab: Lab, watched: Watched, chip: ChipFacts) -> Grade:
         for pins in _wirings(lab, watched)
         for solution in lab.solutions
     ]
-    return min(grades, key=lambda grade: (not grade.passed, len(grade.reasons)))
+    best = min(grades, key=_severity)
+    return best if best.passed else _if_swapped(lab, watched, chip, best)
+
+
+def _severity(grade: Grade) -> tuple[bool, bool, int]:
+    """Return what is less for the grade that says more: right positions in order say what is meant."""
+    failed = {check for fault in grade.faults for check in fault.checks}
+    return not grade.passed, not failed.isdisjoint({Check.ORDER, Check.POSITIONS}), len(grade.reasons)
+
+
+def _if_swapped(lab: Lab, watched: Watched, chip: ChipFacts, found: Grade) -> Grade:
+    """Return the grade, with a question if the program is right for servos on each other's pins.
+
+    No more than that: two servos that take turns are as wrong if they turn backwards.
+    """
+    pins = [PINS.index(servo.pins[0]) for servo in lab.servos]
+    if any(pin not in watched.pins for pin in pins):
+        return found
+    for others in islice(permutations(pins), 1, MAX_WIRINGS):
+        if any(_judge_solution(lab, solution, watched, others, chip).passed for solution in lab.solutions):
+            swapped = " and ".join(
+                f"'{servo.servo.name}' were on {PINS[pin]}"
+                for servo, pin in zip(lab.servos, others, strict=True)
+                if PINS[pin] != servo.pins[0]
+            )
+            first = found.faults[0]
+            asked = f"{first.text}. It would be right if {swapped}: are their pins swapped?"
+            return replace(found, faults=(replace(first, text=asked), *found.faults[1:]))
+    return found
 
 
 def _wirings(lab: Lab, watched: Watched) -> Iterator[tuple[int, ...]]:
@@ -180,11 +211,11 @@ def _judge_solution(
     names = [PINS[number] for number in numbers]
     everything = visits(watched, pins, [lab_servo.servo for lab_servo in lab.servos], solution.positions)
     longest_move = int(lab.longest_move_s * watched.clock.cycles_per_second)
-    settled = without_moves(everything, longest_move)
-    placed = order(settled, solution)
+    settled, placed, slow_or_fast = _in_order(everything, longest_move, solution)
     right = stays(watched, pins, settled, placed.asked, placed.right)
     faults = (
         *order_faults(settled, placed, lab, solution),
+        *(move_faults(lab, watched, everything, right, solution) if slow_or_fast else ()),
         *pause_faults(lab, solution, right),
         *travel_faults(lab, watched, pins, everything, right, solution),
         *period_faults(lab, watched, names, pins, solution, right),
@@ -207,6 +238,26 @@ def _judge_solution(
         rounds=tuple(stay.visit.begin for stay in right if stay.position == 0),
         moment=first_wrong(settled, placed, right, lab, solution) if faults else None,
     )
+
+
+def _in_order(
+    everything: Sequence[Visit], longest_move: int, solution: Solution
+) -> tuple[list[Visit], VisitOrder, bool]:
+    """Return the visits to positions, their order, and whether only their speed is wrong.
+
+    That is so where moves that last too long, or positions that are passed too quickly, come in the right
+    order: a program whose times are wrong is not told that its order is.
+    """
+    brief = longest_move // 4
+    settled = without_moves(everything, longest_move, brief)
+    placed = order(settled, solution)
+    if len(placed.right) < len(settled):
+        for longest, passing in ((sys.maxsize, brief), (longest_move, 0), (sys.maxsize, 0)):
+            found = without_moves(everything, longest, passing)
+            other = order(found, solution)
+            if len(other.right) == len(found) >= len(solution.positions):
+                return found, other, True
+    return settled, placed, False
 
 
 def _unchecked(solution: Solution, stops: Sequence[Visit], right: Sequence[Stay]) -> Iterator[Check]:

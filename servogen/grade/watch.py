@@ -195,13 +195,14 @@ def _commands(watched: Watched, pins: Sequence[PinPulses], servos: Sequence[Serv
             yield Commanded(cycle, angles, widths)
 
 
-def without_moves(stops: Sequence[Visit], longest: int) -> list[Visit]:
+def without_moves(stops: Sequence[Visit], longest: int, passing: int | None = None) -> list[Visit]:
     """Return the visits without ramps: up to `longest` cycles of angles between those of two positions.
 
+    A position that a ramp passes in at most `passing` cycles (None: a quarter of `longest`) is part of it.
     Any other visit to no position is split where its angles jump: each part is a place of its own.
     """
     kept = []
-    stops = _through(stops, longest // 4)
+    stops = _through(stops, longest // 4 if passing is None else passing)
     for index, visit in enumerate(stops):
         if 0 < index < len(stops) - 1 and not visit.places and visit.cycles <= longest:
             before, after = stops[index - 1].commanded[-1].angles, stops[index + 1].commanded[0].angles

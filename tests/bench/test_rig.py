@@ -18,6 +18,7 @@ from servogen.bench.virtual.rig import RigOptions, with_fault
 from servogen.errors import InputError, ToolError
 from servogen.simulator.sources import pin_number
 from tests.bench.conftest import LAB8, ROOT, Bench, Run, running
+from tests.cli.stand_ins import stand_in
 
 JOB = ROOT / "jobs" / "lab8-exercise.toml"
 SCHEDULE = LAB8 / "schedule.json"
@@ -56,7 +57,7 @@ def test_the_board_leaves_the_serial_lines_pin_alone(run: Run, monkeypatch: pyte
         held.append((options.serial_pin, levels))
         raise ToolError("stopped", "this is enough")
 
-    monkeypatch.setattr("servogen.bench.virtual.rig.rig", opened)
+    stand_in(monkeypatch, "servogen.bench.virtual.rig", "rig", opened)
     command = (
         "rig",
         ROOT / "jobs" / "stream-arm.toml",

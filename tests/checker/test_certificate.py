@@ -428,7 +428,7 @@ def test_the_command_says_valid_refused_or_bad_input(
 def run_command(words: tuple[str, ...]) -> tuple[int, str]:
     from typer.testing import CliRunner
 
-    from servogen.cli.main import app
+    from servogen.cli.app import app
 
     result = CliRunner().invoke(app, list(words))
     return getattr(result.exception, "exit_code", result.exit_code), result.output

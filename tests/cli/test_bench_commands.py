@@ -15,11 +15,11 @@ import pytest
 
 from servogen.bench.programmers import flash, table
 from servogen.bench.virtual import rig
-from servogen.cli import bench_commands
 from servogen.errors import Diagnostic
 from servogen.simulator.sources import pin_number
 from servogen.workflows import capture, flashing
 from tests.cli.conftest import Run
+from tests.cli.stand_ins import stand_in
 
 ROOT = Path(__file__).parents[2]
 LAB8 = ROOT / "jobs" / "lab8-exercise.toml"
@@ -49,13 +49,13 @@ def flashed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Any]:
         seen["order"], seen["timeout"] = order, timeout
         return seen["outcome"]
 
-    monkeypatch.setattr(bench_commands, "read_image", lambda path: SimpleNamespace(words=123))
-    monkeypatch.setattr(bench_commands, "read_schedule", lambda path: f"schedule {path}")
-    monkeypatch.setattr(flashing, "check", check)
-    monkeypatch.setattr(flashing, "schedule_beside", lambda file: seen.get("beside"))
-    monkeypatch.setattr(table, "find", find)
-    monkeypatch.setattr(flash, "command_of", lambda installed, order: ("prog", "a b", str(order.port)))
-    monkeypatch.setattr(flash, "flash", flash_it)
+    stand_in(monkeypatch, "servogen.cli.files", "read_image", lambda path: SimpleNamespace(words=123))
+    stand_in(monkeypatch, "servogen.programs", "read_schedule", lambda path: f"schedule {path}")
+    stand_in(monkeypatch, flashing, "check", check)
+    stand_in(monkeypatch, flashing, "schedule_beside", lambda file: seen.get("beside"))
+    stand_in(monkeypatch, table, "find", find)
+    stand_in(monkeypatch, flash, "command_of", lambda installed, order: ("prog", "a b", str(order.port)))
+    stand_in(monkeypatch, flash, "flash", flash_it)
     return seen
 
 
@@ -131,10 +131,12 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         yield Terminals()
 
     kept = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
-    monkeypatch.setattr(rig, "rig", opened)
-    monkeypatch.setattr(bench_commands, "_image", lambda played: "own image")
-    monkeypatch.setattr(bench_commands, "read_image", lambda path: f"image {path}")
-    monkeypatch.setattr(bench_commands, "_tell_sigrok", lambda stack, port: print(f"sigrok {port}"))
+    stand_in(monkeypatch, rig, "rig", opened)
+    stand_in(monkeypatch, "servogen.cli.rig_command", "_image", lambda played: "own image")
+    stand_in(monkeypatch, "servogen.cli.files", "read_image", lambda path: f"image {path}")
+    stand_in(
+        monkeypatch, "servogen.cli.rig_command", "_tell_sigrok", lambda stack, port: print(f"sigrok {port}")
+    )
     seen["kept"] = kept
     return seen
 
@@ -229,9 +231,9 @@ def captured(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         seen["asked"] = (output, driver, schedule, seconds)
         return recorded
 
-    monkeypatch.setattr(capture, "capture", by_port)
-    monkeypatch.setattr(capture, "capture_by_sigrok", by_sigrok)
-    monkeypatch.setattr(bench_commands, "read_schedule", lambda path: f"schedule {path}")
+    stand_in(monkeypatch, capture, "capture", by_port)
+    stand_in(monkeypatch, capture, "capture_by_sigrok", by_sigrok)
+    stand_in(monkeypatch, "servogen.programs", "read_schedule", lambda path: f"schedule {path}")
     return seen
 
 

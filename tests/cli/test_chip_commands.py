@@ -11,12 +11,13 @@ from typing import Any
 import pytest
 
 from servogen import compiler
-from servogen.cli import chip_commands
+from servogen.cli import compile_command
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.pic import assembler
 from servogen.pic.image import Image
 from servogen.units import Clock
 from tests.cli.conftest import Run
+from tests.cli.stand_ins import stand_in
 
 IMAGE = Image({0: 0x2800}, 0x3FF1)
 WARNING = Diagnostic("warning", "w", "odd")
@@ -51,10 +52,10 @@ def compiled(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Any]:
         seen["assembled"] = (text, name, chip and chip.name)
         return seen["result"]
 
-    monkeypatch.setattr(chip_commands, "within_limits", within)
-    monkeypatch.setattr(compiler, "compile_sources", compile_them)
-    monkeypatch.setattr(assembler, "assemble", assemble)
-    monkeypatch.setattr("servogen.pic.listing.listing_text", lambda rows: f"{rows}\n")
+    stand_in(monkeypatch, "servogen.cli.files", "within_limits", within)
+    stand_in(monkeypatch, compiler, "compile_sources", compile_them)
+    stand_in(monkeypatch, assembler, "assemble", assemble)
+    stand_in(monkeypatch, "servogen.pic.listing", "listing_text", lambda rows: f"{rows}\n")
     monkeypatch.chdir(tmp_path)
     for name in ("a.c", "b.c", "a.asm"):
         Path(name).write_text(f"; {name}\n")
@@ -64,7 +65,10 @@ def compiled(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Any]:
 def test_compile_writes_a_hex_beside_its_first_file(run: Run, compiled: dict[str, Any]) -> None:
     """1024 words and 68 bytes: DS35007 sections 2.1 and 2.2."""
     ran = run("compile", "a.c", "b.c")
-    assert (ran.code, ran.out) == (0, "a.hex: 123 words of 1024, 45 bytes of 68, c2c\n")
+    assert (ran.code, ran.out) == (
+        0,
+        "a.hex: 123 words of 1024, 45 bytes of 68, c2c\nnext: servogen simulate a.hex\n",
+    )
     assert ran.err.splitlines()[0] == "1 warning:"
     assert sorted(path.name for path in Path().iterdir()) == ["a.asm", "a.c", "a.hex", "b.c"]
     assert (compiled["files"], compiled["limits"]) == (
@@ -182,7 +186,7 @@ def test_compile_as_json_has_the_form_only_if_it_is_dumped(run: Run, compiled: d
 
 def test_a_dump_shows_the_form_and_what_each_pass_saved(run: Run, compiled: dict[str, Any]) -> None:
     lines = run("compile", "a.c", "--dump", "ir").out.splitlines()
-    assert lines[:-1] == ["the form", "; peephole saved 1 word", "; outlining saved 20 words"]
+    assert lines[:-2] == ["the form", "; peephole saved 1 word", "; outlining saved 20 words"]
     compiled["result"].saved = {}
     assert run("compile", "a.c", "--dump", "ir").out.splitlines()[1] == "; no pass saved a word"
 
@@ -190,27 +194,27 @@ def test_a_dump_shows_the_form_and_what_each_pass_saved(run: Run, compiled: dict
 def test_a_dump_is_of_the_last_pass_unless_one_is_named() -> None:
     from servogen.compiler.passes.manager import PASSES
 
-    assert chip_commands._pass_to_dump(None) is None
-    assert chip_commands._pass_to_dump("ir") == PASSES[-1]
-    assert chip_commands._pass_to_dump("ir:first") == "first"
+    assert compile_command._pass_to_dump(None) is None
+    assert compile_command._pass_to_dump("ir") == PASSES[-1]
+    assert compile_command._pass_to_dump("ir:first") == "first"
     for wrong in ("irx", "asm", "", ":x"):
         with pytest.raises(InputError, match="is not ir or ir:PASS"):
-            chip_commands._pass_to_dump(wrong)
+            compile_command._pass_to_dump(wrong)
 
 
 def test_a_warning_that_is_suppressed_must_exist() -> None:
     from servogen.compiler.diagnostics import WARNINGS
 
     one, two = sorted(WARNINGS)[:2]
-    assert chip_commands._unwanted([]) == frozenset()
-    assert chip_commands._unwanted([one, two]) == {one, two}
+    assert compile_command._unwanted([]) == frozenset()
+    assert compile_command._unwanted([one, two]) == {one, two}
     with pytest.raises(InputError, match="no warning has the code 'nothing'"):
-        chip_commands._unwanted([one, "nothing"])
+        compile_command._unwanted([one, "nothing"])
 
 
 def test_assemble_writes_a_hex_and_perhaps_a_listing(run: Run, compiled: dict[str, Any]) -> None:
     ran = run("assemble", "a.asm")
-    assert (ran.code, ran.out) == (0, f"a.hex: {IMAGE.words} words of 1024\n")
+    assert (ran.code, ran.out) == (0, f"a.hex: {IMAGE.words} words of 1024\nnext: servogen simulate a.hex\n")
     assert ran.err.splitlines()[0] == "1 warning:"
     assert compiled["assembled"] == ("; a.asm\n", "a.asm", None)
     assert compiled["limits"] == (Path("a.asm"), 10.0, 300, "--timeout and --memory-mb allow more")
@@ -246,5 +250,9 @@ def test_disassemble_prints_or_writes(run: Run, compiled: dict[str, Any]) -> Non
     printed = run("disassemble", "a.hex")
     assert (printed.code, "goto" in printed.out.lower(), printed.out.endswith("\n\n")) == (0, True, False)
     written = run("disassemble", "a.hex", "-o", "x.asm")
-    assert (written.code, written.out, Path("x.asm").read_text()) == (0, "", printed.out)
+    assert (written.code, written.out, Path("x.asm").read_text()) == (
+        0,
+        "next: servogen assemble x.asm\n",
+        printed.out,
+    )
     assert "16f84a" in run("disassemble", "a.hex", "--device", "PIC16F84A").out.lower()

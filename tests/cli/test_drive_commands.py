@@ -18,7 +18,7 @@ import pytest
 import typer
 
 from servogen import job as job_package
-from servogen.cli import drive_commands, show
+from servogen.cli import calibrate_command, drive_command, drive_line, drive_on_command, show
 from servogen.drive import controller, on_command, request, serial_link, session, sweep
 from servogen.drive.session import Summary
 from servogen.drive.steering import Rates
@@ -28,6 +28,7 @@ from servogen.job import load, loads
 from servogen.robot import calibration
 from servogen.robot.calibration import Fit, Reading
 from tests.cli.conftest import Run
+from tests.cli.stand_ins import stand_in
 
 ROOT = Path(__file__).parents[2]
 LAB8 = ROOT / "jobs" / "lab8-exercise.toml"
@@ -50,7 +51,7 @@ def test_the_line_carries_a_position_of_three_bytes_in_thirty_bits(
 ) -> None:
     """At 2400 baud and 8N1, ten bits a byte: 240 bytes a second."""
     job: Any = SimpleNamespace(name="arm")
-    drive_commands._show_robot(job, SimpleNamespace(channels=[None] * servos), 2400, 1 / 240)  # type: ignore[arg-type]
+    drive_command._show_robot(job, SimpleNamespace(channels=[None] * servos), 2400, 1 / 240)  # type: ignore[arg-type]
     assert capsys.readouterr().out == f"arm, 2400 baud: a position takes 12.5 ms, a pose of {words}\n"
 
 
@@ -59,13 +60,13 @@ SUMMARY = Summary(seconds=12.345, moving_s=4.0, commands=30, rounds=10, slowest_
 
 def test_a_drive_ends_with_its_numbers_and_says_when_the_port_was_away(capsys: Text) -> None:
     """Ten poses in four seconds of motion are 2.5 a second."""
-    drive_commands._show_drive(SUMMARY, True, False)
+    drive_command._show_drive(SUMMARY, True, False)
     text = "12.35 s, 30 positions, 10 poses (2.5 a second, the slowest 37.5 ms)"
     assert capsys.readouterr().out.replace("12.34", "12.35") == f"{text}\n"
     away = Summary(moving_s=4.0, commands=30, rounds=10, slowest_s=0.0375, outages=2, away_s=1.25)
-    drive_commands._show_drive(away, False, False)
+    drive_command._show_drive(away, False, False)
     assert capsys.readouterr().out.endswith("37.5 ms), away 2 times for 1.2 s\n")
-    drive_commands._show_drive(SUMMARY, True, True)
+    drive_command._show_drive(SUMMARY, True, True)
     assert json.loads(capsys.readouterr().out) == {"diagnostics": [], **SUMMARY.to_json()}
 
 
@@ -73,9 +74,9 @@ def test_a_drive_ends_with_its_numbers_and_says_when_the_port_was_away(capsys: T
 def test_a_robot_that_could_not_be_stopped_is_an_error(capsys: Text, stopped: bool, wanted: bool) -> None:
     if wanted and not stopped:
         with pytest.raises(ToolError, match="the robot was NOT stopped"):
-            drive_commands._show_drive(Summary(stopped=stopped), wanted, False)
+            drive_command._show_drive(Summary(stopped=stopped), wanted, False)
     else:
-        drive_commands._show_drive(Summary(stopped=stopped), wanted, False)
+        drive_command._show_drive(Summary(stopped=stopped), wanted, False)
     assert capsys.readouterr().out.count("\n") == 1
 
 
@@ -101,12 +102,12 @@ SENT: dict[str, object] = {
 )
 def test_a_log_shows_bytes_and_events(capsys: Text, entry: dict[str, object], out: str, err: str) -> None:
     """The bytes in a dry run only; with --json every entry, and nothing else."""
-    drive_commands._log(False, True)(entry)
+    drive_command._log(False, True)(entry)
     assert tuple(capsys.readouterr()) == (out, err)
-    drive_commands._log(False, False)(entry)
+    drive_command._log(False, False)(entry)
     assert tuple(capsys.readouterr()) == ("", err)
     for dry_run in (True, False):
-        drive_commands._log(True, dry_run)(entry)
+        drive_command._log(True, dry_run)(entry)
         shown = capsys.readouterr()
         assert (json.loads(shown.out), shown.err) == (entry, "")
 
@@ -119,7 +120,7 @@ def test_an_entry_of_a_log_is_seen_at_once(monkeypatch: pytest.MonkeyPatch) -> N
             flushed.append(self.getvalue())
 
     monkeypatch.setattr(sys, "stdout", Pipe())
-    drive_commands._log(False, True)(SENT)
+    drive_command._log(False, True)(SENT)
     assert flushed[-1:] == ["     0.02 s  FF 00 7F  arm 1500.0 µs\n"]
 
 
@@ -144,7 +145,7 @@ class Session:
 def driven(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """What `drive` asks of the library: the session, the line, the controller, the request."""
     seen: dict[str, Any] = {}
-    monkeypatch.setattr(session, "DriveSession", Session)
+    stand_in(monkeypatch, session, "DriveSession", Session)
     monkeypatch.setattr(Session, "interrupted", False)
     real_link, real_controller, real_course = (
         serial_link.SerialLink,
@@ -165,9 +166,9 @@ def driven(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         seen["course"] = real_course(job, wanted)
         return seen["course"]
 
-    monkeypatch.setattr(serial_link, "SerialLink", link)
-    monkeypatch.setattr(controller, "controller_of", controlled)
-    monkeypatch.setattr(request, "course_of", course)
+    stand_in(monkeypatch, serial_link, "SerialLink", link)
+    stand_in(monkeypatch, controller, "controller_of", controlled)
+    stand_in(monkeypatch, request, "course_of", course)
     return seen
 
 
@@ -221,8 +222,11 @@ def test_a_pose_that_is_kept_is_said_to_be(
     run: Run, driven: dict[str, Any], monkeypatch: pytest.MonkeyPatch, json_: tuple[str, ...], lines: int
 ) -> None:
     """Only if it would go on without end; not with a time, and not of a whole motion that goes on."""
-    monkeypatch.setattr(
-        serial_link, "port_opener", lambda port, speed: lambda: nullcontext(serial_link.NullWire())
+    stand_in(
+        monkeypatch,
+        serial_link,
+        "port_opener",
+        lambda port, speed: lambda: nullcontext(serial_link.NullWire()),
     )
     kept = "the pose is kept until Ctrl-C (or --seconds)"
     pose = ("--pose", "wheel1=90,wheel2=0,wheel3=0")
@@ -258,7 +262,7 @@ def test_the_state_is_shown_after_each_command_but_not_as_json(
     commands: list[str] = []
     changes: list[dict[str, Any]] = []
     made = request.course_of
-    monkeypatch.setattr(request, "course_of", lambda *given: replace(made(*given), **changes[-1]))
+    stand_in(monkeypatch, request, "course_of", lambda *given: replace(made(*given), **changes[-1]))
     for state in ((lambda: "now"), None):
         changes.append({"state": state, "on_command": commands.append})
         for json_ in ((), ("--json",)):
@@ -318,12 +322,12 @@ def walking(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         seen["source_of"] = given
         yield "source"
 
-    monkeypatch.setattr(on_command, "CommandedDrive", Drive)
-    monkeypatch.setattr(on_command, "Twin", lambda job: SimpleNamespace(seconds=1.5))
-    monkeypatch.setattr(on_command, "line_baud", lambda job: 50)
-    monkeypatch.setattr(serial_link, "SerialLink", Wire)
-    monkeypatch.setattr(serial_link, "port_opener", lambda port, rate: (port, rate))
-    monkeypatch.setattr(drive_commands, "_source", source)
+    stand_in(monkeypatch, on_command, "CommandedDrive", Drive)
+    stand_in(monkeypatch, on_command, "Twin", lambda job: SimpleNamespace(seconds=1.5))
+    stand_in(monkeypatch, on_command, "line_baud", lambda job: 50)
+    stand_in(monkeypatch, serial_link, "SerialLink", Wire)
+    stand_in(monkeypatch, serial_link, "port_opener", lambda port, rate: (port, rate))
+    stand_in(monkeypatch, "servogen.cli.drive_line", "command_source", source)
     return seen
 
 
@@ -360,14 +364,14 @@ def test_a_walk_on_command_tells_its_states(
 ) -> None:
     """On a terminal every one on one line; else, and as JSON, those of a new direction or part."""
     terminal(monkeypatch, tty)
-    drive_commands._walk_on_command(walk_job(), None, None, None, dry_run, json_)
+    drive_on_command.drive_on_command(walk_job(), drive_line.WireOptions(dry_run=dry_run), None, json_)
     end = '{"diagnostics": [], "seconds": 1.5, "commands": 3}'
     assert capsys.readouterr().out == out.replace("END", end)
     assert walking["seconds"] == math.inf
     assert walking["single_keys"] is (tty and not dry_run)
     assert (walking["link"], walking["source"]) == (None, "source")
     assert walking["source_of"][:2] == (True, dry_run)
-    assert walking["source_of"][3] == drive_commands.WALK_KEYS_HELP
+    assert walking["source_of"][3] == drive_line.WALK_KEYS_HELP
 
 
 @pytest.mark.parametrize(("baud", "rate"), [(None, 50), (1200, 1200)])
@@ -376,13 +380,13 @@ def test_a_walk_on_a_port_uses_its_line(
 ) -> None:
     terminal(monkeypatch, False)
     job = walk_job(CommandLine("RA4"))
-    drive_commands._walk_on_command(job, "/dev/x", baud, 2.5, False, False)
+    drive_on_command.drive_on_command(job, drive_line.WireOptions("/dev/x", baud), 2.5, False)
     assert capsys.readouterr().out.startswith(f"six: /dev/x, {rate} baud; widths of a, b\n")
     assert walking["seconds"] == 2.5
     opener, speed, time, patience = walking["link"].given
     assert (opener, speed, patience) == (("/dev/x", rate), rate, 0)
     assert time is walking["time"]
-    drive_commands._walk_on_command(job, "/dev/x", baud, 2.5, True, False)
+    drive_on_command.drive_on_command(job, drive_line.WireOptions("/dev/x", baud, dry_run=True), 2.5, False)
     assert walking["link"] is None
     assert "a simulated chip" in capsys.readouterr().out
 
@@ -393,7 +397,7 @@ def test_a_walk_that_is_interrupted_says_how_far_it_was(
     terminal(monkeypatch, False)
     walking["interrupted"] = True
     with pytest.raises(typer.Exit) as ended:
-        drive_commands._walk_on_command(walk_job(), None, None, 0.0, False, False)
+        drive_on_command.drive_on_command(walk_job(), drive_line.WireOptions(), 0.0, False)
     assert ended.value.exit_code == 130
     assert capsys.readouterr().out.endswith("1.50 s, 3 commands\n")
     assert walking["seconds"] == 0.0
@@ -402,25 +406,7 @@ def test_a_walk_that_is_interrupted_says_how_far_it_was(
 def test_buttons_are_not_commanded_through_a_port(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal(monkeypatch, False)
     with pytest.raises(InputError, match="commanded by buttons, not by codes"):
-        drive_commands._walk_on_command(walk_job(), "/dev/x", None, None, False, False)
-
-
-@pytest.mark.parametrize(
-    ("steer", "others", "message"),
-    [
-        (True, ["--pose"], "--pose is for other jobs: this robot walks on command"),
-        (False, ["--stop", "--pose"], "--stop is for other jobs: this robot walks on command"),
-        (False, [], "the robot walks on command"),
-        (True, [], ""),
-    ],
-)
-def test_a_walk_on_command_is_steered_only(steer: bool, others: list[str], message: str) -> None:
-    if not message:
-        drive_commands._check_walk_on_command(walk_job(), steer, others)
-        return
-    with pytest.raises(InputError) as refused:
-        drive_commands._check_walk_on_command(walk_job(), steer, others)
-    assert refused.value.message == message
+        drive_on_command.drive_on_command(walk_job(), drive_line.WireOptions("/dev/x"), None, False)
 
 
 @pytest.mark.parametrize(
@@ -436,9 +422,9 @@ def test_a_walk_on_command_is_steered_only(steer: bool, others: list[str], messa
 def test_options_of_other_drives_are_refused_by_name(
     run: Run, monkeypatch: pytest.MonkeyPatch, words: tuple[object, ...], named: str
 ) -> None:
-    monkeypatch.setattr(job_package, "load", lambda path: None)
-    monkeypatch.setattr(
-        job_package, "plan_job", lambda job: SimpleNamespace(directions=(1,), file="six.toml")
+    stand_in(monkeypatch, job_package, "load", lambda path: None)
+    stand_in(
+        monkeypatch, job_package, "plan_job", lambda job: SimpleNamespace(directions=(1,), file="six.toml")
     )
     ran = run("drive", "six.toml", "--keys", *words)
     assert (ran.code, ran.out) == (2, "")
@@ -453,23 +439,23 @@ def test_commands_come_from_keys_lines_a_script_or_nowhere(
     keys: Any = io.StringIO("forward\nwait 1\n")
     keys.fileno = lambda: 17
     monkeypatch.setattr(sys, "stdin", keys)
-    monkeypatch.setattr(commands, "script", lambda text: ("script", text))
-    monkeypatch.setattr(commands, "LineCommands", lambda number: ("lines", number))
-    monkeypatch.setattr(commands, "terminal_keys", lambda number, own: nullcontext(("keys", number, own)))
-    with drive_commands._source(False, True) as none:
+    stand_in(monkeypatch, commands, "script", lambda text: ("script", text))
+    stand_in(monkeypatch, commands, "LineCommands", lambda number: ("lines", number))
+    stand_in(monkeypatch, commands, "terminal_keys", lambda number, own: nullcontext(("keys", number, own)))
+    with drive_line.command_source(False, True) as none:
         assert isinstance(none, commands.NoCommands)
-    with drive_commands._source(True, True) as given:
+    with drive_line.command_source(True, True) as given:
         assert given == ("script", "forward\nwait 1\n")
     keys.isatty = lambda: False
-    with drive_commands._source(True, False) as given:
+    with drive_line.command_source(True, False) as given:
         assert given == ("lines", 17)
     assert tuple(capsys.readouterr()) == ("", "")
     keys.isatty = lambda: True
-    with drive_commands._source(True, False) as given:
+    with drive_line.command_source(True, False) as given:
         assert given == ("keys", 17, commands.KEYS)
-    assert tuple(capsys.readouterr()) == ("", f"{drive_commands.KEYS_HELP}\n")
+    assert tuple(capsys.readouterr()) == ("", f"{drive_line.KEYS_HELP}\n")
     own: Any = {"x": "y"}
-    with drive_commands._source(True, False, own, "own help") as given:
+    with drive_line.command_source(True, False, own, "own help") as given:
         assert given == ("keys", 17, own)
     assert capsys.readouterr().err == "own help\n"
 
@@ -481,7 +467,7 @@ FIT = Fit(READINGS, 1000.5, math.degrees(-5.25), tuple(math.radians(off) for off
 def shown_calibration(
     servo: Any, files: Any, refused: tuple[Diagnostic, ...] = (), json_: bool = False
 ) -> None:
-    drive_commands._show_calibration(Path("jobs/a.toml"), servo, FIT, files, refused, json_)
+    calibrate_command._show_calibration(Path("jobs/a.toml"), servo, FIT, files, refused, json_)
 
 
 @pytest.fixture
@@ -494,7 +480,7 @@ def test_a_calibration_shows_its_readings_its_line_and_its_file(
 ) -> None:
     """The rms over one degree of freedom: √(0.25² + 1.5²) = 1.52; the worst is the second."""
     tables: list[Any] = []
-    monkeypatch.setattr(drive_commands, "table", lambda *given: tables.append(given))
+    stand_in(monkeypatch, "servogen.cli.show", "table", lambda *given: tables.append(given))
     shown_calibration(servo, (Path("jobs/x.toml"), None))
     line = "width = 1000.5 µs -5.2500 µs/°; rms 1.52°, worst +1.50°"
     add = 'add to the servo in the job: calibration = "x.toml"'
@@ -551,7 +537,7 @@ def test_a_reading_may_be_five_degrees_off_and_a_wheels_twenty(
         asked.append((math.degrees(tolerance), continuous))
         raise InputError("bad-readings", "enough")
 
-    monkeypatch.setattr(calibration, "fit", fitted)
+    stand_in(monkeypatch, calibration, "fit", fitted)
     csv = tmp_path / "seen.csv"
     column = "speed_deg_s" if job == WHEELS else "angle_deg"
     csv.write_text(f"width_us,{column}\n1400,0\n1500,90\n1600,180\n")
@@ -570,7 +556,7 @@ def test_a_servo_is_moved_through_the_widths_that_are_asked_for(
         asked.append(span)
         return real(channel, *span)
 
-    monkeypatch.setattr(sweep, "positions", positions)
+    stand_in(monkeypatch, sweep, "positions", positions)
     angles = ",".join(str(30 * number) for number in range(7))
     common = ("calibrate", LAB8, *RANGE, "-o", tmp_path / "a.toml")
     run(*common, "--angles-deg", angles)
@@ -591,7 +577,7 @@ def test_a_job_that_cannot_use_its_calibration_is_exit_code_1(
     common = ("calibrate", LAB8, "--readings", csv, "-o", tmp_path / "a.toml")
     assert run(*common).code == 0
     refusal = Diagnostic("warning", "out-of-range", "too far")
-    monkeypatch.setattr(sweep, "refusals", lambda *_: (refusal,))
+    stand_in(monkeypatch, sweep, "refusals", lambda *_: (refusal,))
     assert run(*common).code == 1
 
 
@@ -606,7 +592,7 @@ def test_a_wrong_answer_is_asked_for_again_and_q_ends(monkeypatch: pytest.Monkey
         def since(self, seconds: float) -> list[str]:
             return self.left.pop(0) if self.left else []
 
-    monkeypatch.setattr(commands, "LineCommands", Lines)
+    stand_in(monkeypatch, commands, "LineCommands", Lines)
     keys: Any = io.StringIO()
     keys.fileno = lambda: 0
     monkeypatch.setattr(sys, "stdin", keys)
@@ -617,7 +603,7 @@ def test_a_wrong_answer_is_asked_for_again_and_q_ends(monkeypatch: pytest.Monkey
         return next(text for text in iter(answer, object()) if text is not None)
 
     moved: Any = SimpleNamespace(at=1, wait_for=wait_for)
-    ask = drive_commands._asking(channel, 5)
+    ask = calibrate_command._asking(channel, 5)
     assert ask(moved, 0) == pytest.approx(math.pi / 2)
     shown = capsys.readouterr()
     assert shown.out == "1 of 5, 1500.0 µs: what do you see, °? " * 2

@@ -11,11 +11,14 @@ import pytest
 
 from servogen import grade as grade_package
 from servogen.cli import grade_commands
-from servogen.cli.grade_commands import _Formats
+from servogen.cli.grade_commands import Browsing, GradeFiles
 from servogen.errors import Diagnostic, InputError, Location, ToolError
 from servogen.grade import formats, points
 from servogen.workflows import grading
 from tests.cli.conftest import Run
+from tests.cli.stand_ins import stand_in
+
+NEXT = "next: open p/index.html, or grade again with --watch"
 
 
 def graded(name: str, passed: bool = True, defect: Any = None, reasons: tuple[str, ...] = ()) -> Any:
@@ -62,20 +65,22 @@ def grading_of(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Any
         seen["scheduler"] = scheduler
         return seen["graded"]
 
-    monkeypatch.setattr(grading, "GradingTask", SimpleNamespace(of=of))
-    monkeypatch.setattr(grading, "grade_submissions", submissions)
-    monkeypatch.setattr(grade_package, "load_lab", lambda name: name)
-    monkeypatch.setattr(grade_package, "find_submissions", find)
-    monkeypatch.setattr(grade_package, "page_names", lambda names: [f"{name}.md" for name in names])
-    monkeypatch.setattr(grade_package, "shown_name", lambda name: name)
-    monkeypatch.setattr(points, "outcomes", lambda lab, grade: OUTCOMES)
-    monkeypatch.setattr(grade_commands, "table", lambda *given: seen["tables"].append(given))
-    monkeypatch.setattr(grade_commands, "missing_limits", lambda: seen.get("limits_missing", ""))
-    monkeypatch.setattr(formats, "csv_text", lambda lab, entries: f"csv {len(entries)}\n")
-    monkeypatch.setattr(formats, "junit_xml", lambda lab, entries: f"junit {len(entries)}\n")
+    stand_in(monkeypatch, grading, "GradingTask", SimpleNamespace(of=of))
+    stand_in(monkeypatch, grading, "grade_submissions", submissions)
+    stand_in(monkeypatch, grade_package, "load_lab", lambda name: name)
+    stand_in(monkeypatch, grade_package, "find_submissions", find)
+    stand_in(monkeypatch, grade_package, "page_names", lambda names: [f"{name}.md" for name in names])
+    stand_in(monkeypatch, grade_package, "shown_name", lambda name: name)
+    stand_in(monkeypatch, points, "outcomes", lambda lab, grade: OUTCOMES)
+    stand_in(monkeypatch, "servogen.cli.show", "table", lambda *given: seen["tables"].append(given))
+    stand_in(monkeypatch, "servogen.isolation", "missing_limits", lambda: seen.get("limits_missing", ""))
+    stand_in(monkeypatch, formats, "csv_text", lambda lab, entries: f"csv {len(entries)}\n")
+    stand_in(monkeypatch, formats, "junit_xml", lambda lab, entries: f"junit {len(entries)}\n")
     for name in ("gradescope", "classroom"):
-        monkeypatch.setattr(formats, f"{name}_json", lambda lab, entry, kind=name: f"{kind} {entry.name}")
-        monkeypatch.setattr(formats, f"{name}_without_program", lambda lab, why, kind=name: f"{kind}: {why}")
+        stand_in(monkeypatch, formats, f"{name}_json", lambda lab, entry, kind=name: f"{kind} {entry.name}")
+        stand_in(
+            monkeypatch, formats, f"{name}_without_program", lambda lab, why, kind=name: f"{kind}: {why}"
+        )
     monkeypatch.chdir(tmp_path)
     return seen
 
@@ -142,7 +147,7 @@ def test_the_json_of_grade_has_points_and_perhaps_pages(
         },
     }
     assert grading_of["tables"] == []
-    monkeypatch.setattr(grade_commands, "_write_pages", lambda *_: None)
+    stand_in(monkeypatch, "servogen.cli.grade_commands", "_write_pages", lambda *_: None)
     with_pages = json.loads(run("grade", "lab", "a.c", "--pages", "p", "--json").out)
     assert with_pages["programs"][0]["page"] == "anna.md"
 
@@ -150,15 +155,20 @@ def test_the_json_of_grade_has_points_and_perhaps_pages(
 def test_a_page_that_cannot_be_written_fails_after_all_is_shown(
     run: Run, grading_of: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(grade_commands, "_write_pages", lambda *_: ToolError("write-failed", "full"))
+    stand_in(
+        monkeypatch,
+        "servogen.cli.grade_commands",
+        "_write_pages",
+        lambda *_: ToolError("write-failed", "full"),
+    )
     ran = run("grade", "lab", "a.c", "--pages", "p")
-    assert (ran.code, ran.out, "full" in ran.err) == (3, "1 of 1 passed\n", True)
+    assert (ran.code, ran.out, "full" in ran.err) == (3, f"1 of 1 passed\n{NEXT}\n", True)
 
 
 def test_warnings_name_files_without_their_folders(
     run: Run, grading_of: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(grade_package, "visible", lambda name: f"<{name}>")
+    stand_in(monkeypatch, grade_package, "visible", lambda name: f"<{name}>")
     grading_of["warnings"] = (
         Diagnostic("warning", "one", "text", Location("a.c")),
         Diagnostic("warning", "two", "text"),
@@ -192,16 +202,19 @@ def test_the_pages_are_served_only_if_asked_for(
     run: Run, grading_of: dict[str, Any], monkeypatch: pytest.MonkeyPatch, watch: bool
 ) -> None:
     served: list[Any] = []
-    monkeypatch.setattr(grade_commands, "require_server", lambda: served.append("required"))
-    monkeypatch.setattr(
-        grade_commands, "_serve", lambda task, names, *given: served.append((names, *given[1:]))
+    stand_in(monkeypatch, "servogen.cli.page_server", "require_server", lambda: served.append("required"))
+    stand_in(
+        monkeypatch,
+        "servogen.cli.grade_commands",
+        "_serve",
+        lambda task, names, *given: served.append((names, *given[1:])),
     )
     run("grade", "lab", "a.c", *(("--watch", "--port", 8000, "--no-browser") if watch else ()))
-    assert served == (["required", (["anna.md"], 8000, False)] if watch else [])
+    assert served == (["required", (["anna.md"], Browsing(True, 8000, False))] if watch else [])
     if watch:
         served.clear()
         run("grade", "lab", "a.c", "--watch")
-        assert served == ["required", (["anna.md"], 0, True)]
+        assert served == ["required", (["anna.md"], Browsing(True))]
 
 
 def test_an_empty_hand_in_has_its_files_too(run: Run, grading_of: dict[str, Any]) -> None:
@@ -269,4 +282,4 @@ def test_a_link_in_a_folder_is_replaced_and_not_followed(tmp_path: Path) -> None
 )
 def test_a_json_file_holds_one_program(gradescope: str | None, classroom: str | None, one: bool) -> None:
     paths = [None if name is None else Path(name) for name in (gradescope, classroom)]
-    assert _Formats(None, None, *paths).wants_one is one
+    assert GradeFiles(None, None, *paths).wants_one is one

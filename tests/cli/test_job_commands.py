@@ -16,7 +16,7 @@ from servogen import job as job_package
 from servogen import report
 from servogen import verify as verify_package
 from servogen import workflows as build_package
-from servogen.cli import job_commands
+from servogen.cli import build_commands, job_commands, tune_command, widths
 from servogen.engines.firmware import ResourceError
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.plan_error import PlanError
@@ -25,6 +25,7 @@ from servogen.units import Clock, Cycles
 from servogen.workflows import reporting, retarget
 from servogen.workflows.certificates import CertificateVerdict
 from tests.cli.conftest import Run
+from tests.cli.stand_ins import stand_in
 
 ROOT = Path(__file__).parents[2]
 LAB8 = ROOT / "jobs" / "lab8-exercise.toml"
@@ -34,7 +35,7 @@ Tables = list[tuple[Any, ...]]
 @pytest.fixture
 def tables(monkeypatch: pytest.MonkeyPatch) -> Tables:
     shown: Tables = []
-    monkeypatch.setattr(job_commands, "table", lambda *given, least=(): shown.append(given))
+    stand_in(monkeypatch, "servogen.cli.show", "table", lambda *given, least=(): shown.append(given))
     return shown
 
 
@@ -51,7 +52,7 @@ COLUMNS = ("servo", "requested µs", "cycles", "error µs", "frames")
 
 def test_a_ramp_of_three_widths_is_one_row_and_of_two_are_two(tables: Tables) -> None:
     """Neighbours of one servo that no pose holds; errors from the least to the greatest."""
-    job_commands._width_table(
+    widths.width_table(
         [
             width("a", "1000.25", 1000, 7),
             width("a", "1010.5", 1011, held=False),
@@ -81,7 +82,7 @@ def test_a_ramp_of_three_widths_is_one_row_and_of_two_are_two(tables: Tables) ->
 
 def test_examples_of_widths_have_a_column_of_their_own(tables: Tables) -> None:
     ramp = [width("a", str(us), us, held=False) for us in (1, 2, 3)]
-    job_commands._width_table([width("a", "900", 900, which="longest"), *ramp])
+    widths.width_table([width("a", "900", 900, which="longest"), *ramp])
     assert tables == [
         (
             "Pulse widths",
@@ -133,13 +134,13 @@ ROWS = [  # 1024 words and 68 bytes: DS35007 sections 2.1 and 2.2
 
 
 def test_programs_have_what_they_use_and_what_is_left(tables: Tables) -> None:
-    job_commands._program_table(built(exact=False), [MISSING, VALID])
+    build_commands._program_table(built(exact=False), [MISSING, VALID])
     assert tables == [("Programs: engine sequence, 30 frames compared", PROGRAM_COLUMNS, ROWS)]
 
 
 def test_many_widths_have_a_row_for_each_servo(tables: Tables, capsys: pytest.CaptureFixture[str]) -> None:
     each = [width(servo, str(us), us) for servo in "ab" for us in (1900, 1000, *range(1100, 1117))]
-    job_commands._width_table(each, "report.txt")
+    widths.width_table(each, "report.txt")
     ((_, _, rows),) = tables
     spans = ("1000.000 to 1900.000", "1000 to 1900", "+0.000 to +0.000", 19)
     assert rows == [(f"{servo}, 19 widths", *spans) for servo in "ab"]
@@ -150,20 +151,23 @@ def test_many_widths_have_a_row_for_each_servo(tables: Tables, capsys: pytest.Ca
 def building(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """`build` gives results["build"](job); what is written where."""
     results: dict[str, Any] = {"build": lambda job: built(), "written": []}
-    monkeypatch.setattr(job_package, "load", lambda path: path)
-    monkeypatch.setattr(
-        job_package, "plan_job", lambda path: SimpleNamespace(name=Path(path).stem, warnings=(), notes=())
+    stand_in(monkeypatch, job_package, "load", lambda path: path)
+    stand_in(
+        monkeypatch,
+        job_package,
+        "plan_job",
+        lambda path: SimpleNamespace(name=Path(path).stem, warnings=(), notes=()),
     )
 
     def build(job: Any, tell: Callable[[str], None]) -> Any:
         tell("compiling")
         return results["build"](job)
 
-    monkeypatch.setattr(build_package, "build", build)
-    monkeypatch.setattr(build_package, "write", lambda result, folder: results["written"].append(folder))
+    stand_in(monkeypatch, build_package, "build", build)
+    stand_in(monkeypatch, build_package, "write", lambda result, folder: results["written"].append(folder))
     results["theorems"] = [MISSING, MISSING]
-    monkeypatch.setattr(job_commands, "_theorems", lambda *given: results["theorems"])
-    monkeypatch.setattr("servogen.workflows.job_build.hex_name", lambda result, program: "main.hex")
+    stand_in(monkeypatch, "servogen.cli.build_commands", "_theorems", lambda *given: results["theorems"])
+    stand_in(monkeypatch, "servogen.workflows.job_build", "hex_name", lambda result, program: "main.hex")
     return results
 
 
@@ -253,8 +257,8 @@ def test_only_who_asks_for_a_proof_is_refused_without_one(
     run: Run, building: dict[str, Any], tables: Tables, monkeypatch: pytest.MonkeyPatch,
     theorems: list[CertificateVerdict], words: tuple[str, ...], code: int,
 ) -> None:  # fmt: skip
-    monkeypatch.setattr("servogen.workflows.job_build.program_facts", lambda result: ())
-    monkeypatch.setattr(report, "timing_budgets_text", lambda facts, clock: iter(()))
+    stand_in(monkeypatch, "servogen.workflows.job_build", "program_facts", lambda result: ())
+    stand_in(monkeypatch, report, "timing_budgets_text", lambda facts, clock: iter(()))
     building["theorems"] = theorems
     ran = run("build", "jobs/a.toml", *words)
     assert ran.code == code
@@ -295,7 +299,7 @@ def facts(**others: Any) -> Any:
 def test_a_plan_shows_its_servos_and_how_long_it_lasts(
     capsys: pytest.CaptureFixture[str], tables: Tables
 ) -> None:
-    job_commands._show_plan(facts())
+    job_commands._show_plan(facts(), ())
     columns = ("servo", "joint", "range", "limits", "peak °/s", "limit °/s", "at frame", "step °", "needs s")
     rows = [
         ("a", "q1", "0.00 to 90.13°", "0 to 180°", "180.0", "600.0", 7, "", "", ""),
@@ -311,7 +315,7 @@ def test_a_plan_of_a_robot_shows_its_paths_and_its_error(
 ) -> None:
     from servogen.report import tracks
 
-    monkeypatch.setattr(tracks, "error_rows", lambda ends, frame_s: [("errors", len(ends), frame_s)])
+    stand_in(monkeypatch, tracks, "error_rows", lambda ends, frame_s: [("errors", len(ends), frame_s)])
     end = SimpleNamespace(name="L1", worst_m=0.0012345, frame=3)
     still = SimpleNamespace(lead_in_frames=0, loop_frames=2)
     found = facts(
@@ -321,7 +325,7 @@ def test_a_plan_of_a_robot_shows_its_paths_and_its_error(
         rigid_legs_end=(0.1234, -0.02, math.pi / 2),
         plan=SimpleNamespace(schedule=still, warnings=()),
     )
-    job_commands._show_plan(found)
+    job_commands._show_plan(found, ())
     spans = ("L1", "1.00 to 100.00", "-250.00 to 250.00", "0.00 to 0.00")
     assert tables[1] == ("Paths", ("end", "x mm", "y mm", "z mm"), [spans])
     columns = ["end", "worst mm", "rms mm", "frame", "time s", "jacobian worst mm", "jacobian rms mm"]
@@ -423,8 +427,8 @@ def test_report_says_what_its_page_shows(
         return found
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(reporting, "page_of", page_of)
-    monkeypatch.setattr(verify_package, "capture_lines", lambda verdict: ["first", "second"])
+    stand_in(monkeypatch, reporting, "page_of", page_of)
+    stand_in(monkeypatch, verify_package, "capture_lines", lambda verdict: ["first", "second"])
     ran = run("report", "jobs/a.toml", *words)
     assert (ran.code, ran.out.splitlines()) == (code, lines)
     assert (tmp_path / "a.html").read_text() == "<html>"
@@ -454,23 +458,25 @@ def test_only_a_capture_has_a_rate(run: Run) -> None:
     ],
 )
 def test_the_next_c_file_has_the_next_number(name: str, following: str) -> None:
-    assert job_commands._next_c_file(Path("folder", name)) == Path("folder", following)
+    assert tune_command._next_c_file(Path("folder", name)) == Path("folder", following)
 
 
 @pytest.fixture
 def tuning(monkeypatch: pytest.MonkeyPatch, building: dict[str, Any]) -> dict[str, Any]:
     """`tune` gives tuning["result"]; what it is asked."""
     firmware = SimpleNamespace(dialect="xc8")
-    monkeypatch.setattr(job_package, "plan_job", lambda path: SimpleNamespace(name="arm", firmware=firmware))
-    monkeypatch.setattr(job_commands, "read_image", lambda path: "image")
-    monkeypatch.setattr(verify_package, "verdict_lines", lambda verdict: ["verdict"])
+    stand_in(
+        monkeypatch, job_package, "plan_job", lambda path: SimpleNamespace(name="arm", firmware=firmware)
+    )
+    stand_in(monkeypatch, "servogen.cli.files", "read_image", lambda path: "image")
+    stand_in(monkeypatch, verify_package, "verdict_lines", lambda verdict: ["verdict"])
     seen: dict[str, Any] = {}
 
     def tune_to(job: Any, image: Any, name: str, dialect: str, source: Any) -> Any:
         seen["asked"] = (image, name, dialect, source and source.text)
         return seen["result"]
 
-    monkeypatch.setattr(retarget, "tune_to", tune_to)
+    stand_in(monkeypatch, retarget, "tune_to", tune_to)
     return seen
 
 
@@ -570,8 +576,8 @@ def test_build_ends_with_its_folder_its_verdict_and_its_warnings(
     word: str,
 ) -> None:
     """In build/ and the job's name unless told otherwise."""
-    monkeypatch.setattr("servogen.workflows.job_build.program_facts", lambda result: ())
-    monkeypatch.setattr(report, "timing_budgets_text", lambda facts, clock: iter(["budgets"]))
+    stand_in(monkeypatch, "servogen.workflows.job_build", "program_facts", lambda result: ())
+    stand_in(monkeypatch, report, "timing_budgets_text", lambda facts, clock: iter(["budgets"]))
     building["build"] = lambda job: built(job.name, exact, 2)
     ran = run("build", "jobs/a.toml")
     assert (ran.code, ran.out.splitlines()) == (
@@ -601,16 +607,18 @@ def test_build_ends_with_its_folder_its_verdict_and_its_warnings(
 def planning(monkeypatch: pytest.MonkeyPatch, building: dict[str, Any], tmp_path: Path) -> list[Any]:
     """`plan` has these facts; the pictures and films that are drawn."""
     from servogen.report import film, motion_plot, motion_table, plan_facts
+    from servogen.workflows import horns
 
+    stand_in(monkeypatch, horns, "horns_of", lambda job: ())
     drawn: list[Any] = []
     found = facts(tracks=(), to_json=lambda: {"plan": 1})
     found.job.notes = ()
-    monkeypatch.setattr(build_package, "nearest_pulses", lambda job: (job, "pulses"))
-    monkeypatch.setattr(plan_facts, "plan_facts", lambda job, pulses, engine: found)
-    monkeypatch.setattr(motion_table, "frame_lines", lambda *given: iter(["a", "b"]))
-    monkeypatch.setattr(motion_plot, "motion_plot", lambda *given: drawn.append(given[-1]))
-    monkeypatch.setattr(film, "job_scene", lambda job: "scene")
-    monkeypatch.setattr(film, "film", lambda scene, path: drawn.append((scene, path)))
+    stand_in(monkeypatch, build_package, "nearest_pulses", lambda job: (job, "pulses"))
+    stand_in(monkeypatch, plan_facts, "plan_facts", lambda job, pulses, engine: found)
+    stand_in(monkeypatch, motion_table, "frame_lines", lambda *given: iter(["a", "b"]))
+    stand_in(monkeypatch, motion_plot, "motion_plot", lambda *given: drawn.append(given[-1]))
+    stand_in(monkeypatch, film, "job_scene", lambda job: "scene")
+    stand_in(monkeypatch, film, "film", lambda scene, path: drawn.append((scene, path)))
     monkeypatch.chdir(tmp_path)
     return drawn
 
@@ -637,7 +645,9 @@ def test_warnings_of_a_plan_and_a_check_come_last(
     warned = (Diagnostic("warning", "w", "one"),)
     found = facts()
     found.job.warnings, found.plan.warnings = warned, (Diagnostic("warning", "w", "two"),)
-    monkeypatch.setattr(plan_facts, "plan_facts", lambda *_, **__: SimpleNamespace(**vars(found), tracks=()))
+    stand_in(
+        monkeypatch, plan_facts, "plan_facts", lambda *_, **__: SimpleNamespace(**vars(found), tracks=())
+    )
     ran = run("plan", "a.toml")
     assert ran.err.splitlines()[0] == "2 warnings:"
     schedule = SimpleNamespace(
@@ -647,8 +657,8 @@ def test_warnings_of_a_plan_and_a_check_come_last(
     played = SimpleNamespace(plan=pulses, to_json=lambda: {"played": 1})
     note = Diagnostic("note", "n", "a note")
     job = SimpleNamespace(name="a", servos=[1, 2], warnings=warned, notes=(note,))
-    monkeypatch.setattr(job_package, "plan_job", lambda path: job)
-    monkeypatch.setattr(build_package, "planned", lambda job: played)
+    stand_in(monkeypatch, job_package, "plan_job", lambda path: job)
+    stand_in(monkeypatch, build_package, "planned", lambda job: played)
     ran = run("check", "a.toml")
     assert ran.out.splitlines() == ["a note", f"a.toml: 2 servos, loop of 50 frames, 1 s; {PLAN}"]
     assert (ran.code, ran.err.splitlines()[0]) == (0, "2 warnings:")

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from servogen import movemaster
-from servogen.cli import motion_commands
+from servogen.cli import gait_command
 from servogen.errors import Diagnostic, InputError
 from servogen.kinematics import catalogue
 from servogen.motion import loads
@@ -24,6 +24,7 @@ from servogen.report import gait_facts, motion_table
 from servogen.robot import servo_models
 from servogen.units import Clock, Cycles
 from tests.cli.conftest import Run
+from tests.cli.stand_ins import stand_in
 
 Tables = list[tuple[Any, ...]]
 Lines = Callable[..., list[str]]
@@ -32,7 +33,7 @@ Lines = Callable[..., list[str]]
 @pytest.fixture
 def tables(monkeypatch: pytest.MonkeyPatch) -> Tables:
     shown: Tables = []
-    monkeypatch.setattr(motion_commands, "table", lambda *given: shown.append(given))
+    stand_in(monkeypatch, "servogen.cli.show", "table", lambda *given: shown.append(given))
     return shown
 
 
@@ -83,10 +84,10 @@ RHYTHM: Any = SimpleNamespace(
 @pytest.fixture
 def show(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tables: Tables) -> Lines:
     """`show(walk, facts)`: the lines that are printed below the tables."""
-    monkeypatch.setattr(gait_facts, "diagram", lambda rhythm: {"L1": "▔▁", "R1": "▁▁"})
+    stand_in(monkeypatch, gait_facts, "diagram", lambda rhythm: {"L1": "▔▁", "R1": "▁▁"})
 
     def lines(planned: Any, found: Any) -> list[str]:
-        motion_commands._show_walk(SimpleNamespace(), RHYTHM, planned, found)  # type: ignore[arg-type]
+        gait_command._show_walk(SimpleNamespace(), RHYTHM, planned, found)  # type: ignore[arg-type]
         return capsys.readouterr().out.splitlines()
 
     return lines
@@ -149,12 +150,12 @@ def planning(monkeypatch: pytest.MonkeyPatch, tables: Tables) -> dict[str, Any]:
         seen.update(named)
         return seen["walk"]
 
-    monkeypatch.setattr(walk_module, "walk", plan)
-    monkeypatch.setattr(gait_facts, "facts_of", lambda *_: seen["facts"])
-    monkeypatch.setattr(gait_facts, "diagram", lambda rhythm: dict.fromkeys(dict(rhythm.lifts), ""))
-    monkeypatch.setattr(gait_facts, "walk_to_json", lambda *_: {"walk": 1})
-    monkeypatch.setattr(loads, "loads_of", lambda *_: None)
-    monkeypatch.setattr(loads, "check_loads", lambda *_: seen["loads"])
+    stand_in(monkeypatch, walk_module, "walk", plan)
+    stand_in(monkeypatch, gait_facts, "facts_of", lambda *_: seen["facts"])
+    stand_in(monkeypatch, gait_facts, "diagram", lambda rhythm: dict.fromkeys(dict(rhythm.lifts), ""))
+    stand_in(monkeypatch, gait_facts, "walk_to_json", lambda *_: {"walk": 1})
+    stand_in(monkeypatch, loads, "loads_of", lambda *_: None)
+    stand_in(monkeypatch, loads, "check_loads", lambda *_: seen["loads"])
     return seen
 
 
@@ -202,7 +203,7 @@ def test_a_servo_without_a_stated_speed_is_no_limit(
     run: Run, planning: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     model = SimpleNamespace(speed=None, calibration=None, lost_motion=lambda calibration: 0.125)
-    monkeypatch.setattr(servo_models, "servo_model", lambda name: model)
+    stand_in(monkeypatch, servo_models, "servo_model", lambda name: model)
     run("gait", "--servo", "any")
     assert (planning["limits"].speed, planning["lost"]) == (math.inf, 0.125)
 
@@ -261,10 +262,10 @@ def test_a_gait_of_ones_own_needs_its_duty_and_its_phases(run: Run, planning: di
 )  # fmt: skip
 def test_phases_are_a_list_or_a_table(text: str, phases: Any) -> None:
     if phases is not None:
-        assert motion_commands._phases(text) == phases
+        assert gait_command._phases(text) == phases
         return
     with pytest.raises(InputError, match="is not a table of phases"):
-        motion_commands._phases(text)
+        gait_command._phases(text)
 
 
 @pytest.fixture
@@ -290,10 +291,10 @@ def running(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         seen.update(named, period=period, hz=clock.hz, arm=arm)
         return seen["run"]
 
-    monkeypatch.setattr(movemaster, "run", program)
-    monkeypatch.setattr(movemaster, "read", lambda file: "source")
-    monkeypatch.setattr(movemaster, "manipulator", lambda arm: arm.name)
-    monkeypatch.setattr(motion_table, "joint_lines", lambda trajectory, arm: iter(["a", "b"]))
+    stand_in(monkeypatch, movemaster, "run", program)
+    stand_in(monkeypatch, movemaster, "read", lambda file: "source")
+    stand_in(monkeypatch, movemaster, "manipulator", lambda arm: arm.name)
+    stand_in(monkeypatch, motion_table, "joint_lines", lambda trajectory, arm: iter(["a", "b"]))
     return seen
 
 
@@ -334,11 +335,11 @@ def test_the_options_of_a_program_run_reach_it(
 
 
 def test_only_a_walking_robot_has_a_gait() -> None:
-    assert motion_commands._robot("hexapod").name == catalogue.robot("hexapod").name
+    assert gait_command._robot("hexapod").name == catalogue.robot("hexapod").name
     with pytest.raises(InputError, match="scara does not walk"):
-        motion_commands._robot("scara")
+        gait_command._robot("scara")
 
 
 def test_a_length_that_is_not_given_stays_so() -> None:
-    assert (motion_commands._metres(None), motion_commands._metres(0.0)) == (None, 0.0)
-    assert motion_commands._metres(25.0) == 0.025
+    assert (gait_command._metres(None), gait_command._metres(0.0)) == (None, 0.0)
+    assert gait_command._metres(25.0) == 0.025

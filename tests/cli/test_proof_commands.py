@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -11,16 +11,18 @@ from typing import Any
 import pytest
 
 from servogen import checker
-from servogen.cli import proof_commands
-from servogen.cli.proof_commands import ProofRequest
+from servogen.cli import prove_command, schedule_proof
+from servogen.cli.schedule_proof import Claim, Over
 from servogen.errors import InputError
 from servogen.prove.prover import AS_IN_THE_FILE, Proof, held_assumptions
 from servogen.prove.quantifiers import EVERYTHING, Quantifiers
 from servogen.prove.stream.proof import LineProof
 from servogen.pulse import Channel, Pulse, PulseSchedule, Run
+from servogen.simulator import SimulatorOptions
 from servogen.units import Clock, Cycles
 from servogen.workflows.certificates import Witnessed
 from tests.cli.conftest import Run as Command
+from tests.cli.stand_ins import stand_in
 
 SCHEDULE = PulseSchedule(
     Clock(4_000_000),
@@ -32,17 +34,17 @@ SCHEDULE = PulseSchedule(
 FILE = Path("a prog.hex")
 
 
-def request(**others: Any) -> ProofRequest:
-    given = {
-        "against": Path("schedule.json"),
-        "certificate": None,
-        "counterexample": Path("wrong.toml"),
-        "over": EVERYTHING,
-        "times": {},
-        "max_states": None,
-        "any_line": None,
-    }
-    return ProofRequest(**{**given, **others})
+def request(**others: Any) -> Claim:
+    return Claim(counterexample=Path("wrong.toml"), **others)
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What `prove --against` asks for."""
+
+    against: Path
+    claim: Claim
+    over: Over
 
 
 def wrong(stimulus: str = "", **others: Any) -> Any:
@@ -71,7 +73,7 @@ SIZE = "  3 states, 4 runs of 500 cycles together"
 
 
 def test_a_proof_says_what_it_is_over_how_large_it_was_and_what_it_assumes() -> None:
-    assert proof_commands._lines(proof(), WITNESS, FILE, request(), SCHEDULE) == [
+    assert schedule_proof._lines(proof(), WITNESS, FILE, request(), SCHEDULE) == [
         "proven, checked",
         "  for every power-up, input and chip: every edge of all pins is the schedule's",
         SIZE,
@@ -81,10 +83,10 @@ def test_a_proof_says_what_it_is_over_how_large_it_was_and_what_it_assumes() -> 
         "    one",
         "    two",
     ]
-    alone = proof_commands._lines(proof(), Witnessed(not_covered="SLEEP"), FILE, request(), SCHEDULE)
+    alone = schedule_proof._lines(proof(), Witnessed(not_covered="SLEEP"), FILE, request(), SCHEDULE)
     assert alone[0] == "proven by one engine: the checker does not cover SLEEP"
     assert alone[2:4] == [SIZE, "  assumed:"]
-    undecided = proof_commands._lines(proof(False), None, FILE, request(), SCHEDULE)
+    undecided = schedule_proof._lines(proof(False), None, FILE, request(), SCHEDULE)
     assert undecided == ["not decided: too many states", SIZE]
 
 
@@ -109,7 +111,7 @@ def test_a_proof_says_what_it_is_over_how_large_it_was_and_what_it_assumes() -> 
     ],
 )
 def test_only_what_is_quantified_over_is_claimed(over: Quantifiers, held: dict[int, int], words: str) -> None:
-    assert proof_commands._over(proof(quantifiers=over, held=held)) == words
+    assert schedule_proof._over(proof(quantifiers=over, held=held)) == words
 
 
 def test_a_counterexample_has_the_command_that_shows_it_two_frames_long() -> None:
@@ -123,8 +125,8 @@ def test_a_counterexample_has_the_command_that_shows_it_two_frames_long() -> Non
         (wrong(eeprom={3: 4}), f"wrong.hex --start w=1 --clock-hz 4000000 {end}"),
     ):
         lines = [head, f"  servogen simulate {command}"]
-        assert proof_commands._lines(proof(False, shown), None, FILE, request(), SCHEDULE) == lines
-        found = proof_commands._counterexample_to_json(shown, FILE, request(), SCHEDULE)
+        assert schedule_proof._lines(proof(False, shown), None, FILE, request(), SCHEDULE) == lines
+        found = schedule_proof._counterexample_to_json(shown, FILE, request(), SCHEDULE)
         stimulus = shown.stimulus(SCHEDULE.clock) or None
         assert found == {
             "message": "RB0 rises",
@@ -147,7 +149,7 @@ def test_a_counterexample_has_the_command_that_shows_it_two_frames_long() -> Non
 def test_the_json_of_a_proof_has_its_answer_and_its_size(
     found: Proof, witness: Witnessed | None, answer: str
 ) -> None:
-    shown = proof_commands._proof_to_json(found, witness, FILE, request(), SCHEDULE)
+    shown = schedule_proof._proof_to_json(found, witness, FILE, request(), SCHEDULE)
     assert (shown["checked"] is None) == (answer != "proven")
     assert shown["not_covered"] == ("SLEEP" if answer == "proven by one engine" else "")
     assert (shown["file"], shown["answer"], shown["reason"]) == ("a prog.hex", answer, found.reason)
@@ -165,7 +167,7 @@ def test_the_answer_for_any_line_keeps_the_assumptions_that_concern_it() -> None
     idle_only = (AS_IN_THE_FILE, *held_assumptions(held, SCHEDULE))
     idle = proof(held=held, assumptions=("one", *idle_only, "two"))
     line = LineProof("", ("a finding",), ("of the line",))
-    assert proof_commands._line_lines(line, idle, FILE, request(), SCHEDULE) == [
+    assert schedule_proof._line_lines(line, idle, FILE, request(), SCHEDULE) == [
         "proven by one engine: the checker does not cover any waveform on the line (--any-line)",
         "  for every power-up, chip, content of the EEPROM and waveform on the line: every pulse begins "
         "at its slot's cycle and is as wide as complete commands say",
@@ -177,7 +179,7 @@ def test_the_answer_for_any_line_keeps_the_assumptions_that_concern_it() -> None
         "    two",
         "    of the line",
     ]
-    found = proof_commands._line_to_json(line, idle, FILE, request(), SCHEDULE)
+    found = schedule_proof._line_to_json(line, idle, FILE, request(), SCHEDULE)
     assert found == {
         "answer": "proven by one engine",
         "reason": "",
@@ -201,13 +203,13 @@ def test_any_line_that_is_not_proven_says_why_and_what_an_idle_one_does(
     shown: Any, reason: str, answer: str, lines: list[str]
 ) -> None:
     line = LineProof(reason, counterexample=shown)
-    first = proof_commands._counterexample_lines(shown, FILE, request(), SCHEDULE) if shown else []
-    assert proof_commands._line_lines(line, proof(), FILE, request(), SCHEDULE) == [
+    first = schedule_proof._counterexample_lines(shown, FILE, request(), SCHEDULE) if shown else []
+    assert schedule_proof._line_lines(line, proof(), FILE, request(), SCHEDULE) == [
         *first,
         *lines,
         "  with an idle line every edge is the schedule's: 3 states, 4 runs of 500 cycles together",
     ]
-    found = proof_commands._line_to_json(line, proof(), FILE, request(), SCHEDULE)
+    found = schedule_proof._line_to_json(line, proof(), FILE, request(), SCHEDULE)
     assert (found["answer"], found["reason"], found["counterexample"] is None) == (answer, reason, not shown)
 
 
@@ -216,15 +218,15 @@ def test_the_content_of_a_counterexample_is_beside_its_inputs() -> None:
 
 
 @pytest.fixture
-def asked(monkeypatch: pytest.MonkeyPatch) -> list[ProofRequest]:
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[Asked]:
     """The requests that `prove --against` makes."""
-    requests: list[ProofRequest] = []
+    requests: list[Asked] = []
 
-    def prove(file: Path, device: str | None, wanted: ProofRequest, json: bool) -> int:
-        requests.append(wanted)
+    def prove(file: Path, device: str | None, against: Path, claim: Claim, over: Over, json: bool) -> int:
+        requests.append(Asked(against, claim, over))
         return 1 if json else 0
 
-    monkeypatch.setattr(proof_commands, "prove_schedule", prove)
+    stand_in(monkeypatch, "servogen.cli.schedule_proof", "prove_schedule", prove)
     return requests
 
 
@@ -235,30 +237,33 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[ProofRequest]:
         (("--hold-inputs",), {"inputs": False}),
         (("--no-tmr0-phase",), {"tmr0_phase": False}),
         (("--no-resets",), {"resets": False}),
-        (("--watchdog-us", 0), {"watchdog": False}),
+        (("--watchdog-us", 7000), {"watchdog": False}),
         (("--eeprom-write-us", 9000), {"eeprom_write": False}),
         (("--any-eeprom",), {"any_eeprom": True}),
     ],
 )
 def test_an_option_takes_one_thing_out_of_the_proof(
-    run: Command, asked: list[ProofRequest], words: tuple[object, ...], changes: dict[str, bool]
+    run: Command, asked: list[Asked], words: tuple[object, ...], changes: dict[str, bool]
 ) -> None:
     assert run("prove", "a.hex", "--against", "s.json", *words).code == 0
     (wanted,) = asked
-    assert wanted.over == replace(EVERYTHING, **changes)
+    assert wanted.over.quantifiers() == replace(EVERYTHING, **changes)
     times = {"--watchdog-us": "watchdog_us", "--eeprom-write-us": "eeprom_write_us"}
-    assert wanted.times == {times[str(words[0])]: words[1] for _ in [0] if words[:1] and words[0] in times}
-    assert (wanted.against, wanted.counterexample) == (Path("s.json"), Path("counterexample.toml"))
-    assert (wanted.certificate, wanted.max_states, wanted.any_line) == (None, None, None)
+    own = {times[str(words[0])]: words[1] for _ in [0] if words[:1] and words[0] in times}
+    assert wanted.over.board("PIC16F84A") == SimulatorOptions("PIC16F84A", **own)  # type: ignore[arg-type]
+    assert (wanted.against, wanted.claim) == (Path("s.json"), Claim())
 
 
-def test_the_exit_code_of_prove_is_that_of_its_proof(run: Command, asked: list[ProofRequest]) -> None:
+def test_the_exit_code_of_prove_is_that_of_its_proof(run: Command, asked: list[Asked]) -> None:
     common = ("prove", "a.hex", "--against", "s.json")
-    assert run(*common, "--max-states", 7, "--start", "w=0x12", "--certificate", "c", "--json").code == 1
+    assert run(*common, "--max-states", 7, "--start", "w=0x12", "--json").code == 1
     (wanted,) = asked
-    assert (wanted.max_states, wanted.certificate, len(wanted.over.start)) == (7, Path("c"), 1)
+    assert wanted.claim == Claim(max_states=7)
+    assert wanted.over == Over(power_up=["w=0x12"])
+    assert run(*common, "--certificate", "c").code == 0
+    assert asked[1].claim == Claim(certificate=Path("c"))
     assert run(*common, "--any-line", "job.toml", "--counterexample", "x.toml").code == 0
-    assert (asked[1].any_line, asked[1].counterexample) == (Path("job.toml"), Path("x.toml"))
+    assert asked[2].claim == Claim(any_line=Path("job.toml"), counterexample=Path("x.toml"))
 
 
 @pytest.mark.parametrize(
@@ -284,7 +289,7 @@ def test_the_exit_code_of_prove_is_that_of_its_proof(run: Command, asked: list[P
     ],
 )
 def test_options_that_do_not_go_together_are_refused(
-    run: Command, asked: list[ProofRequest], words: tuple[object, ...]
+    run: Command, asked: list[Asked], words: tuple[object, ...]
 ) -> None:
     ran = run("prove", "a.hex", *words)
     assert (ran.code, ran.out, asked) == (2, "", [])
@@ -292,10 +297,10 @@ def test_options_that_do_not_go_together_are_refused(
 
 
 def test_every_time_needs_its_beginning_and_its_end() -> None:
-    assert proof_commands._marks(["a", "b"], ["c", "d"]) == [("a", "c"), ("b", "d")]
-    assert proof_commands._marks([], []) == []
+    assert prove_command._marks(["a", "b"], ["c", "d"]) == [("a", "c"), ("b", "d")]
+    assert prove_command._marks([], []) == []
     with pytest.raises(InputError, match="2 --from and 1 --to: every time needs both"):
-        proof_commands._marks(["a", "b"], ["c"])
+        prove_command._marks(["a", "b"], ["c"])
 
 
 @pytest.mark.parametrize("fine", [True, False])
@@ -321,12 +326,15 @@ def test_the_answers_about_a_program_are_text_or_json(
             times.append((start, end, interrupts))
             return answer
 
-    monkeypatch.setattr(facts, "Facts", Facts)
-    monkeypatch.setattr(facts, "decided_and_fine", lambda answers: fine)
-    monkeypatch.setattr(
-        proof_commands, "read_program", lambda *_: SimpleNamespace(image="image", listing=None)
+    stand_in(monkeypatch, facts, "Facts", Facts)
+    stand_in(monkeypatch, facts, "decided_and_fine", lambda answers: fine)
+    stand_in(
+        monkeypatch,
+        "servogen.cli.files",
+        "read_program",
+        lambda *_: SimpleNamespace(image="image", listing=None),
     )
-    monkeypatch.setattr(proof_commands, "clock_of", lambda program, hz: Clock(hz or 4_000_000))
+    stand_in(monkeypatch, "servogen.programs", "clock_of", lambda program, hz: Clock(hz or 4_000_000))
     common = ("prove", "a.hex", "--from", "x", "--to", "y", "--interrupts", interrupts)
     ran = run(*common)
     lines = ["q: s", "  t", "  over o", "  f", "  g"]
@@ -345,9 +353,9 @@ def test_check_certificate_says_what_was_checked(
     held_texts = tuple(f"{pin} held at {level}" for pin, level in held.items())
     counts = checker.Checked(5, 6, 7, 8, ("every input",), held_texts)
     claim = SimpleNamespace(held=held, count=5)
-    monkeypatch.setattr(checker, "read_certificate", lambda data, name: claim)
+    stand_in(monkeypatch, checker, "read_certificate", lambda data, name: claim)
     allowed: list[Any] = []
-    monkeypatch.setattr(checker, "check_certificate", lambda *given: allowed.append(given[-1]) or counts)
+    stand_in(monkeypatch, checker, "check_certificate", lambda *given: allowed.append(given[-1]) or counts)
     for name in ("c.xz", "s.json"):
         (tmp_path / name).write_text("x")
     (tmp_path / "a.hex").write_text(":00000001FF\n")
@@ -379,7 +387,7 @@ def test_check_certificate_says_what_was_checked(
     def refuse(*_: Any) -> None:
         raise checker.Refused("state 3")
 
-    monkeypatch.setattr(checker, "check_certificate", refuse)
+    stand_in(monkeypatch, checker, "check_certificate", refuse)
     ran = run(*words)
     assert (ran.code, ran.out) == (1, f"{tmp_path / 'c.xz'}: refused: state 3\n")
     ran = run(*words, "--json")
@@ -391,7 +399,7 @@ def test_check_certificate_says_what_was_checked(
     def leave(*_: Any) -> None:
         raise checker.NotCovered("SLEEP", "at address 3")
 
-    monkeypatch.setattr(checker, "check_certificate", leave)
+    stand_in(monkeypatch, checker, "check_certificate", leave)
     ran = run(*words)
     assert (ran.code, ran.out) == (
         1,

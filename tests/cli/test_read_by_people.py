@@ -19,6 +19,7 @@ from serial.tools import list_ports
 from serial.tools.list_ports_common import ListPortInfo
 
 from servogen import __version__
+from tests.cli.stand_ins import stand_in
 
 Run = Callable[..., Any]
 
@@ -40,7 +41,7 @@ def machine(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shutil, "which", lambda name, *_, **__: paths.get(str(name)))
     ports = [ListPortInfo("/dev/ttyUSB0"), ListPortInfo("/dev/ttyACM0")]
     ports[0].description, ports[1].description = "K150", "analyser"
-    monkeypatch.setattr(list_ports, "comports", lambda: ports)
+    stand_in(monkeypatch, list_ports, "comports", lambda: ports)
 
 
 def test_doctor_prints_versions_tools_and_ports(run: Run, machine: None) -> None:
@@ -59,7 +60,7 @@ def test_doctor_prints_versions_tools_and_ports(run: Run, machine: None) -> None
 def test_doctor_says_that_there_are_no_ports(
     run: Run, machine: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(list_ports, "comports", list)
+    stand_in(monkeypatch, list_ports, "comports", list)
     assert row(run("doctor").out, "none") == ["none"]
 
 
@@ -290,8 +291,8 @@ def test_a_capture_says_what_it_holds_and_what_comes_next(
     done = SimpleNamespace(
         shortage=None, rate=10**6, seconds=1.5, captures=3, plan=plan, analyser=analyser, seen=seen
     )
-    monkeypatch.setattr("servogen.workflows.capture.capture", lambda *_: done)
-    monkeypatch.setattr("servogen.workflows.capture.capture_by_sigrok", lambda *_: done)
+    stand_in(monkeypatch, "servogen.workflows.capture", "capture", lambda *_: done)
+    stand_in(monkeypatch, "servogen.workflows.capture", "capture_by_sigrok", lambda *_: done)
     schedule = Path(__file__).parents[2] / "firmware" / "lab8-exercise" / "schedule.json"
     target = tmp_path / "seen.vcd"
     next_step = f"next: servogen verify {target} --against {schedule}"
@@ -320,11 +321,11 @@ def test_a_bench_says_how_sigrok_finds_it_where_sigrok_is(
 ) -> None:
     """sigrok-cli opens pseudo-terminals with a library that is compiled for it."""
     from servogen.bench.analysers import sigrok
-    from servogen.cli.bench_commands import _tell_sigrok
+    from servogen.cli.rig_command import _tell_sigrok
 
     monkeypatch.setattr(shutil, "which", lambda name: f"/usr/bin/{name}" if program else None)
-    monkeypatch.setattr(sigrok, "c_compiler", lambda: "/usr/bin/cc" if compiler else None)
-    monkeypatch.setattr(sigrok, "modem_lines_library", lambda: nullcontext(Path("/tmp/lines.so")))
+    stand_in(monkeypatch, sigrok, "c_compiler", lambda: "/usr/bin/cc" if compiler else None)
+    stand_in(monkeypatch, sigrok, "modem_lines_library", lambda: nullcontext(Path("/tmp/lines.so")))
     with ExitStack() as stack:
         _tell_sigrok(stack, "/dev/pts/9")
     said = "sigrok: LD_PRELOAD=/tmp/lines.so sigrok-cli --driver ols:conn=/dev/pts/9\n"

@@ -10,8 +10,9 @@ from typing import Any
 
 import pytest
 
-from servogen.cli import robot_commands, show
+from servogen.cli import show
 from servogen.kinematics import queries
+from tests.cli.stand_ins import stand_in
 
 Run = Callable[..., Any]
 Answer = Callable[[str, dict[str, Any]], list[tuple[Any, ...]]]
@@ -28,7 +29,7 @@ def answer(monkeypatch: pytest.MonkeyPatch) -> Answer:
             asked.append((*args, named) if named else args)
             return value
 
-        monkeypatch.setattr(queries, name, reply)
+        stand_in(monkeypatch, queries, name, reply)
         return asked
 
     return give
@@ -38,7 +39,7 @@ def answer(monkeypatch: pytest.MonkeyPatch) -> Answer:
 def tables(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
     """The tables that are printed: title, columns and rows."""
     shown: list[tuple[Any, ...]] = []
-    monkeypatch.setattr(robot_commands, "table", lambda *given: shown.append(given))
+    stand_in(monkeypatch, "servogen.cli.show", "table", lambda *given: shown.append(given))
     return shown
 
 

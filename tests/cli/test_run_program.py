@@ -11,18 +11,17 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from servogen.cli import motion_commands
+from servogen.cli.app import app as commands
 from servogen.errors import InputError
 from servogen.movemaster import Budget
+from tests.cli.stand_ins import stand_in
 
 PROGRAM = "PD 1, 0, 300, 200, -90, 90\n10 MO 1\n20 OD 5\n30 GC\n40 IN\n50 ED\n"
 
 
 @pytest.fixture
 def app() -> typer.Typer:
-    app = typer.Typer()
-    motion_commands.register(app)
-    return app
+    return commands
 
 
 @pytest.fixture
@@ -87,7 +86,7 @@ def test_an_endless_program_is_stopped_where_the_page_on_arm_programs_says(
         budgets.append(budget)
         raise InputError("program", "stopped")
 
-    monkeypatch.setattr("servogen.movemaster.run", stopped)
+    stand_in(monkeypatch, "servogen.movemaster", "run", stopped)
     (tmp_path / "endless.rvm").write_text("10 GT 10\n")
     assert run("run-program", tmp_path / "endless.rvm").code == 2
     assert run("run-program", tmp_path / "endless.rvm", "--max-commands", 7, "--max-s", 1.5).code == 2

@@ -11,7 +11,6 @@ from typing import Any
 import pytest
 
 from servogen import traces, verify, workflows
-from servogen.cli import signal_commands
 from servogen.errors import Diagnostic
 from servogen.pic.image import Image
 from servogen.pulse import Channel, Pulse, PulseSchedule, Run
@@ -20,6 +19,7 @@ from servogen.traces import captures
 from servogen.units import Clock, Cycles
 from servogen.workflows import measured_schedule, signals, verification
 from tests.cli.conftest import Run as Command
+from tests.cli.stand_ins import stand_in
 
 SCHEDULE = PulseSchedule(
     Clock(4_000_000),
@@ -54,27 +54,28 @@ def seen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Any]:
         return call
 
     program = SimpleNamespace(image=IMAGE, listing="listing")
-    monkeypatch.setattr(signal_commands, "read_schedule", lambda path: SCHEDULE)
-    monkeypatch.setattr(signals, "program_for", noted("program", lambda: program))
-    monkeypatch.setattr(workflows, "judge_image", noted("image", lambda: found["verdict"]))
-    monkeypatch.setattr(workflows, "judge_file", noted("file", lambda: found["verdict"]))
-    monkeypatch.setattr(
+    stand_in(monkeypatch, "servogen.programs", "read_schedule", lambda path: SCHEDULE)
+    stand_in(monkeypatch, signals, "program_for", noted("program", lambda: program))
+    stand_in(monkeypatch, workflows, "judge_image", noted("image", lambda: found["verdict"]))
+    stand_in(monkeypatch, workflows, "judge_file", noted("file", lambda: found["verdict"]))
+    stand_in(
+        monkeypatch,
         verification,
         "hidden_by",
         lambda file, clock, wires: ("what it hides",) if file.suffix == ".vcd" else (),
     )
-    monkeypatch.setattr(verification, "judge_capture", noted("capture", lambda: found["verdict"]))
-    monkeypatch.setattr(captures, "read_capture", noted("read", lambda: "recorded"))
-    monkeypatch.setattr(captures, "sampled_at", noted("sampled", lambda: "resampled"))
-    monkeypatch.setattr(captures, "is_capture", lambda file: Path(file).suffix == ".sr")
-    monkeypatch.setattr(traces, "read_edges", noted("edges", lambda: "trace"))
-    monkeypatch.setattr(verify, "verdict_lines", lambda verdict: ["line 1", "line 2"])
-    monkeypatch.setattr(verify, "capture_lines", lambda verdict: ["capture 1", "capture 2"])
+    stand_in(monkeypatch, verification, "judge_capture", noted("capture", lambda: found["verdict"]))
+    stand_in(monkeypatch, captures, "read_capture", noted("read", lambda: "recorded"))
+    stand_in(monkeypatch, captures, "sampled_at", noted("sampled", lambda: "resampled"))
+    stand_in(monkeypatch, captures, "is_capture", lambda file: Path(file).suffix == ".sr")
+    stand_in(monkeypatch, traces, "read_edges", noted("edges", lambda: "trace"))
+    stand_in(monkeypatch, verify, "verdict_lines", lambda verdict: ["line 1", "line 2"])
+    stand_in(monkeypatch, verify, "capture_lines", lambda verdict: ["capture 1", "capture 2"])
     forever = SimpleNamespace(
         passed=True, text=lambda: "it repeats", verdict=judged(), to_json=lambda: {"forever": True}
     )
     found["forever_answer"] = forever
-    monkeypatch.setattr(verification, "judge_forever", noted("forever", lambda: forever))
+    stand_in(monkeypatch, verification, "judge_forever", noted("forever", lambda: forever))
     monkeypatch.chdir(tmp_path)
     return found
 
@@ -203,16 +204,16 @@ def measuring(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Any]
     def drawn(trace: Any, span: Any, output: Path, title: str, schedule: Any) -> None:
         found["drawn"] = (span, output, title, schedule)
 
-    monkeypatch.setattr(signals, "unscheduled_edges", edges)
-    monkeypatch.setattr(signals, "scheduled_edges", scheduled)
-    monkeypatch.setattr(signals, "measured_warnings", lambda measurement, models: found["warnings"])
-    monkeypatch.setattr(verify, "measure", lambda trace: SimpleNamespace(to_json=lambda: {"pins": 1}))
-    monkeypatch.setattr(verify, "measurement_lines", lambda measurement: ["line 1", "line 2"])
-    monkeypatch.setattr(measured_schedule, "measured_schedule", written)
-    monkeypatch.setattr(pulse_plot, "pulse_plot", drawn)
-    monkeypatch.setattr(signal_commands, "read_schedule", lambda path: SCHEDULE)
-    monkeypatch.setattr(signal_commands, "read_program", read)
-    monkeypatch.setattr(workflows, "motion_cycles", lambda schedule: Cycles(40_000))
+    stand_in(monkeypatch, signals, "unscheduled_edges", edges)
+    stand_in(monkeypatch, signals, "scheduled_edges", scheduled)
+    stand_in(monkeypatch, signals, "measured_warnings", lambda measurement, models: found["warnings"])
+    stand_in(monkeypatch, verify, "measure", lambda trace: SimpleNamespace(to_json=lambda: {"pins": 1}))
+    stand_in(monkeypatch, verify, "measurement_lines", lambda measurement: ["line 1", "line 2"])
+    stand_in(monkeypatch, measured_schedule, "measured_schedule", written)
+    stand_in(monkeypatch, pulse_plot, "pulse_plot", drawn)
+    stand_in(monkeypatch, "servogen.programs", "read_schedule", lambda path: SCHEDULE)
+    stand_in(monkeypatch, "servogen.cli.files", "read_program", read)
+    stand_in(monkeypatch, workflows, "motion_cycles", lambda schedule: Cycles(40_000))
     monkeypatch.chdir(tmp_path)
     return found
 

@@ -11,10 +11,11 @@ from typing import Any
 import pytest
 
 from servogen import edges, simulator
-from servogen.cli import simulate_commands
+from servogen.cli import simulate_command
 from servogen.errors import Diagnostic, InputError
 from servogen.units import Clock, Cycles
 from tests.cli.conftest import Run
+from tests.cli.stand_ins import stand_in
 
 CLOCK = Clock(4_000_000)
 
@@ -56,7 +57,7 @@ def profile(**others: Any) -> Any:
 
 def test_a_state_has_its_registers_in_hexadecimal_and_its_resets(capsys: pytest.CaptureFixture[str]) -> None:
     """250,000 cycles of a microsecond."""
-    simulate_commands._print_state(state(), CLOCK, 12)
+    simulate_command._print_state(state(), CLOCK, 12)
     assert capsys.readouterr().out.splitlines() == [
         "250000 cycles, 0.25 s, 12 edges",
         "PC 0x01F  W 0x05  STATUS 0x18",
@@ -69,8 +70,8 @@ def test_a_profile_begins_with_what_takes_most_cycles(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     tables: list[Any] = []
-    monkeypatch.setattr(simulate_commands, "table", lambda *given: tables.append(given))
-    simulate_commands._print_profile(profile())
+    stand_in(monkeypatch, "servogen.cli.show", "table", lambda *given: tables.append(given))
+    simulate_command._print_profile(profile())
     functions = [("-", 100, "50.00"), ("main", 50, "25.00"), ("loop", 50, "25.00")]
     lines = [("b.c:9", 60, "30.00", 5), ("b.c:7", 20, "10.00", 4)]
     assert tables == [
@@ -83,10 +84,10 @@ def test_a_profile_begins_with_what_takes_most_cycles(
     ]
     tables.clear()
     many = {("a.c", number): spent(number) for number in range(1, 22)}
-    simulate_commands._print_profile(profile(lines=many))
+    simulate_command._print_profile(profile(lines=many))
     assert [row[1] for row in tables[1][2]] == [*range(21, 1, -1)]  # twenty of the twenty-one
     tables.clear()
-    simulate_commands._print_profile(profile(lines={}, cycles=0, read_unwritten=(0x0C, 0x4F)))
+    simulate_command._print_profile(profile(lines={}, cycles=0, read_unwritten=(0x0C, 0x4F)))
     assert [title for title, *_ in tables] == ["Functions"]
     assert capsys.readouterr().out.splitlines()[-1] == "read before they were written: 0x0C, 0x4F"
 
@@ -98,18 +99,18 @@ def test_a_profile_begins_with_what_takes_most_cycles(
 def test_a_program_runs_for_a_second_unless_told_otherwise(
     seconds: float | None, cycles: int | None, span: int
 ) -> None:
-    assert simulate_commands._span(CLOCK, seconds, cycles) == span
+    assert simulate_command._span(CLOCK, seconds, cycles) == span
 
 
 def test_seconds_and_cycles_exclude_each_other() -> None:
     with pytest.raises(InputError, match="--seconds and --cycles exclude each other"):
-        simulate_commands._span(CLOCK, 0.0, 0)
+        simulate_command._span(CLOCK, 0.0, 0)
 
 
 def test_progress_is_told_at_the_last_edge_of_each_chunk_that_has_one() -> None:
     chunks = [SimpleNamespace(cycle=[1, 5]), SimpleNamespace(cycle=[]), SimpleNamespace(cycle=[9])]
     told: list[int] = []
-    assert list(simulate_commands._told(iter(chunks), told.append)) == chunks  # type: ignore[arg-type]
+    assert list(simulate_command._told(iter(chunks), told.append)) == chunks  # type: ignore[arg-type]
     assert told == [5, 9]
 
 
@@ -141,15 +142,15 @@ def simulated(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Any]
         seen["profiled"] += 1
         return profile()
 
-    monkeypatch.setattr(simulate_commands, "read_program", lambda file, device: program)
-    monkeypatch.setattr(simulate_commands, "clock_of", lambda program, hz: Clock(hz or 4_000_000))
-    monkeypatch.setattr(simulator, "Machine", Machine)
-    monkeypatch.setattr(simulator, "profile", profiled)
-    monkeypatch.setattr(simulator, "trace", lambda machine, span, listing: iter(["first", "second"]))
-    monkeypatch.setattr(simulator, "load_stimuli", lambda path, clock: f"signals {path}")
-    monkeypatch.setattr("servogen.simulator.stimulus.file_inputs", lambda stimuli, clock: ())
-    monkeypatch.setattr(edges, "EdgeTrace", Edges)
-    monkeypatch.setattr("servogen.traces.recorded", lambda trace, writers: trace)
+    stand_in(monkeypatch, "servogen.cli.files", "read_program", lambda file, device: program)
+    stand_in(monkeypatch, "servogen.programs", "clock_of", lambda program, hz: Clock(hz or 4_000_000))
+    stand_in(monkeypatch, simulator, "Machine", Machine)
+    stand_in(monkeypatch, simulator, "profile", profiled)
+    stand_in(monkeypatch, simulator, "trace", lambda machine, span, listing: iter(["first", "second"]))
+    stand_in(monkeypatch, simulator, "load_stimuli", lambda path, clock: f"signals {path}")
+    stand_in(monkeypatch, "servogen.simulator.stimulus", "file_inputs", lambda stimuli, clock: ())
+    stand_in(monkeypatch, edges, "EdgeTrace", Edges)
+    stand_in(monkeypatch, "servogen.traces", "recorded", lambda trace, writers: trace)
     monkeypatch.chdir(tmp_path)
     return seen
 

@@ -11,13 +11,13 @@ from typing import Any
 import pytest
 
 from servogen import job as job_package
-from servogen.cli import twin_commands
 from servogen.errors import Diagnostic
 from servogen.report import film
 from servogen.twin import pictures
 from servogen.units import Clock
 from servogen.workflows import twinning
 from tests.cli.conftest import Run
+from tests.cli.stand_ins import stand_in
 
 
 @pytest.fixture
@@ -48,18 +48,20 @@ def twinned(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Any]:
         seen["asked"] = (settings, hexfile, stimuli)
         return verdict
 
-    monkeypatch.setattr(job_package, "load", lambda path: path)
-    monkeypatch.setattr(job_package, "plan_job", lambda path: loaded)
-    monkeypatch.setattr(twinning, "twin_of", twin_of)
-    monkeypatch.setattr("servogen.simulator.load_stimuli", lambda path, clock: f"signals {path}")
-    monkeypatch.setattr(pictures, "comparison_rows", lambda verdict: iter([("path",)]))
-    monkeypatch.setattr(pictures, "servo_rows", lambda verdict: iter([("servo",)]))
-    monkeypatch.setattr(pictures, "check_rows", lambda verdict: iter([("check",)]))
-    monkeypatch.setattr(pictures, "csv_text", lambda verdict: "csv\n")
-    monkeypatch.setattr(pictures, "twin_plot", lambda verdict, name, path: seen["drawn"].append((name, path)))
-    monkeypatch.setattr(pictures, "twin_scene", lambda verdict, name: f"scene of {name}")
-    monkeypatch.setattr(film, "film", lambda scene, path: seen["drawn"].append((scene, path)))
-    monkeypatch.setattr(twin_commands, "table", lambda *given: seen["tables"].append(given))
+    stand_in(monkeypatch, job_package, "load", lambda path: path)
+    stand_in(monkeypatch, job_package, "plan_job", lambda path: loaded)
+    stand_in(monkeypatch, twinning, "twin_of", twin_of)
+    stand_in(monkeypatch, "servogen.simulator", "load_stimuli", lambda path, clock: f"signals {path}")
+    stand_in(monkeypatch, pictures, "comparison_rows", lambda verdict: iter([("path",)]))
+    stand_in(monkeypatch, pictures, "servo_rows", lambda verdict: iter([("servo",)]))
+    stand_in(monkeypatch, pictures, "check_rows", lambda verdict: iter([("check",)]))
+    stand_in(monkeypatch, pictures, "csv_text", lambda verdict: "csv\n")
+    stand_in(
+        monkeypatch, pictures, "twin_plot", lambda verdict, name, path: seen["drawn"].append((name, path))
+    )
+    stand_in(monkeypatch, pictures, "twin_scene", lambda verdict, name: f"scene of {name}")
+    stand_in(monkeypatch, film, "film", lambda scene, path: seen["drawn"].append((scene, path)))
+    stand_in(monkeypatch, "servogen.cli.show", "table", lambda *given: seen["tables"].append(given))
     monkeypatch.chdir(tmp_path)
     return seen
 

@@ -11,10 +11,11 @@ from typing import Any
 
 import pytest
 
-from servogen.cli import page_server, watch_commands
+from servogen.cli import page_server
 from servogen.drive import serial_link
 from servogen.errors import ToolError
 from tests.cli.conftest import Run
+from tests.cli.stand_ins import stand_in
 
 pytest.importorskip("websockets", reason="the server of watch is not installed")
 
@@ -53,12 +54,12 @@ def watched(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     def serve(served: Any, name: str, port: int, browser: bool) -> None:
         seen.update(served=served, name=name, number=port, browser=browser, closed_before=seen["closed"])
 
-    monkeypatch.setattr(server, "Room", Room)
-    monkeypatch.setattr(server, "WatchServer", lambda rooms: rooms)
-    monkeypatch.setattr(live_line, "LiveLine", Live)
-    monkeypatch.setattr(serial_link, "port_opener", opener)
-    monkeypatch.setattr(watch_commands, "serve_until_ctrl_c", serve)
-    monkeypatch.setattr(subject, "load_subject", lambda file, setting, tell: (file, setting, tell))
+    stand_in(monkeypatch, server, "Room", Room)
+    stand_in(monkeypatch, server, "WatchServer", lambda rooms: rooms)
+    stand_in(monkeypatch, live_line, "LiveLine", Live)
+    stand_in(monkeypatch, serial_link, "port_opener", opener)
+    stand_in(monkeypatch, "servogen.cli.page_server", "serve_until_ctrl_c", serve)
+    stand_in(monkeypatch, subject, "load_subject", lambda file, setting, tell: (file, setting, tell))
     return seen
 
 

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from servogen.cli.drive_commands import _asking
+from servogen.cli.calibrate_command import _asking
 from servogen.drive.controller import ControllerChannel, ServoController, controller_of
 from servogen.drive.serial_link import SerialLink
 from servogen.drive.sweep import Sweep, ask_from, positions, sweep_readings

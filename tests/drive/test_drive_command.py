@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from servogen.cli.drive_commands import _log
+from servogen.cli.drive_command import _log
 from tests.drive.conftest import ROOT, Run, Serial
 
 JOBS = ROOT / "jobs"

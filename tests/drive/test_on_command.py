@@ -21,7 +21,8 @@ import numpy as np
 import pytest
 
 from servogen.bench.virtual.rig import RigOptions
-from servogen.cli.drive_commands import _walk_on_command
+from servogen.cli.drive_line import WireOptions
+from servogen.cli.drive_on_command import drive_on_command
 from servogen.drive import on_command
 from servogen.drive.commands import WALK_KEYS, commands_of_keys, script
 from servogen.drive.on_command import CommandedDrive, CommandedFrame, Twin
@@ -41,6 +42,7 @@ from servogen.job import PlannedJob, load, plan_job
 from servogen.pic.device import RAM_FIRST
 from servogen.pulse.schedule import from_json
 from servogen.units import Clock, Cycles
+from tests.cli.stand_ins import stand_in
 from tests.drive.conftest import ROOT, Run
 from tests.engines.player.test_direction_buttons import ROBOT, TEXT, TWO
 
@@ -154,15 +156,15 @@ def test_time_is_real_for_a_person_or_a_robot_and_only_a_terminals_state_stays_o
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr("servogen.drive.on_command.CommandedDrive", Ended)
-    monkeypatch.setattr("servogen.drive.serial_link.SerialLink", lambda *_: nullcontext(None))
-    monkeypatch.setattr("servogen.drive.serial_link.port_opener", lambda *_: None)
-    monkeypatch.setattr("servogen.cli.drive_commands._source", lambda *_: nullcontext(script("")))
+    stand_in(monkeypatch, "servogen.drive.on_command", "CommandedDrive", Ended)
+    stand_in(monkeypatch, "servogen.drive.serial_link", "SerialLink", lambda *_: nullcontext(None))
+    stand_in(monkeypatch, "servogen.drive.serial_link", "port_opener", lambda *_: None)
+    stand_in(monkeypatch, "servogen.cli.drive_line", "command_source", lambda *_: nullcontext(script("")))
     monkeypatch.setattr("sys.stdin", SimpleNamespace(isatty=lambda: terminal))
     monkeypatch.setattr(Ended, "made", [])
     job = planned()
     for as_json in (False, True):
-        _walk_on_command(job, port, None, None, dry_run, as_json)
+        drive_on_command(job, WireOptions(port=port, dry_run=dry_run), None, as_json)
         drive = Ended.made.pop()
         assert (drive.time.now is time.monotonic) == real
         assert drive.single_keys == (terminal and not dry_run)
@@ -266,7 +268,7 @@ def test_the_virtual_bench_puts_the_line_on_the_jobs_pin(run: Run, monkeypatch: 
         asked.append(options)
         raise InputError("bad-option", "enough")
 
-    monkeypatch.setattr("servogen.bench.virtual.rig.rig", opened)
+    stand_in(monkeypatch, "servogen.bench.virtual.rig", "rig", opened)
     assert run("rig", JOB, "--hex", FIRMWARE / "main.hex").code == 2
     assert [(PINS[each.serial_pin], each.baud) for each in asked] == [("RA4", 50)]
 

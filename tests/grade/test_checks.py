@@ -642,7 +642,7 @@ def test_a_right_program_is_measured_at_each_position_and_remarked() -> None:
 
 
 def test_of_several_solutions_the_one_that_passes_counts() -> None:
-    (right,) = LAB8.solutions
+    right = LAB8.solutions[0]
     wrong = Solution("backwards", (right.positions[1], right.positions[0], right.positions[2]))
     lab = replace(LAB8, solutions=(wrong, replace(right, name="forwards")))
     rises, widths = pulses(RIGHT)

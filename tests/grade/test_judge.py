@@ -100,6 +100,38 @@ def test_a_missed_position_is_an_order_that_is_wrong() -> None:
     assert grade(RIGHT[:2]).reasons[0].startswith("the order is 30° → 90° → 30°")
 
 
+def test_and_back_may_go_through_a_position_again() -> None:
+    """Back from 120° through 90°, which the task allows and says no pause of; but not 30° again."""
+    there_and_back = [*RIGHT, (40, W90, 20_000, 0)]
+    assert grade(there_and_back).passed
+    assert grade([*RIGHT, (250, W90, 20_000, 0)]).passed
+    assert not grade([*RIGHT, (40, W30, 20_000, 0), (40, W90, 20_000, 0)]).passed
+
+
+def ramp(start: int, end: int, frames: int) -> list[Step]:
+    """Widths between two positions, a frame each."""
+    return [(1, start + (end - start) * (step + 1) // (frames + 1), 20_000, 0) for step in range(frames)]
+
+
+def test_a_move_that_lasts_too_long_is_not_a_wrong_order() -> None:
+    """From 30° to 90° in 100 frames, of which the first and the last are within the 4° of a position."""
+    steps = [RIGHT[0], *ramp(W30, W90, 100), *RIGHT[1:]]
+    found = grade(steps)
+    failed = {check for fault in found.faults for check in fault.checks}
+    assert Check.ORDER not in failed and Check.POSITIONS not in failed
+    assert any("the move from 30° to 90° lasts 1.7" in reason for reason in found.reasons)
+    assert grade([RIGHT[0], *ramp(W30, W90, 40), *RIGHT[1:]]).passed
+
+
+def test_a_position_that_is_passed_too_fast_is_not_a_wrong_order() -> None:
+    """90° for 10 frames in a ramp from 30° to 120°: its pause is wrong, not the order."""
+    steps = [RIGHT[0], *ramp(W30, W90, 20), (10, W90, 20_000, 0), *ramp(W90, W120, 20), RIGHT[2]]
+    found = grade(steps)
+    failed = {check for fault in found.faults for check in fault.checks}
+    assert Check.ORDER not in failed and Check.PAUSES in failed
+    assert any("at 90°, with pulses, for 0." in reason for reason in found.reasons)
+
+
 def test_a_wandering_period_is_told() -> None:
     steps = [(10, W30, 19_000 + 100 * step, 0) for step in range(10)] + list(RIGHT[1:])
     (reason,) = grade(steps).reasons

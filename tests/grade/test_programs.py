@@ -85,7 +85,10 @@ LAB9_WRONG = {
     "backwards.c": ("the order is down and front → up and front → up and back → down and back",),
     "one_servo.c": ("there are no pulses for the servo 'horizontal' on RB1",),
     "other_pins.c": ("no pulses for the servo 'vertical' on RB0: the pulses are on RB4 and RB5",),
-    "swapped.c": ("the order is",),
+    "swapped.c": (
+        "the order is",
+        "It would be right if 'vertical' were on RB1 and 'horizontal' were on RB0: are their pins swapped?",
+    ),
     "too_quick.c": ("the pulses for up and back last 0.02 s: a Multiplex Tiny-S needs 0.12 s",),
 }
 

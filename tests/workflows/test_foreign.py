@@ -12,7 +12,7 @@ from typing import Any, cast
 import pytest
 from typer.testing import CliRunner
 
-from servogen.cli.main import app
+from servogen.cli.app import app
 from servogen.compiler import Options, Source, compile_sources
 from servogen.engines.c_text import DIALECTS
 from servogen.engines.firmware import Firmware

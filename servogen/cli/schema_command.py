@@ -9,6 +9,8 @@ from typing import Annotated
 import typer
 
 from servogen.cli.options import Output
+from servogen.outputs import write_text
+from servogen.workflows.schemas import SCHEMAS
 
 
 class FileKind(StrEnum):
@@ -20,18 +22,11 @@ class FileKind(StrEnum):
     lab = "lab"
 
 
-def register(app: typer.Typer) -> None:
-    app.command()(schema)
-
-
 def schema(
     kind: Annotated[FileKind, typer.Argument(help="The kind of file.", show_default=False)],
     output: Output = None,
 ) -> None:
     """Print the JSON schema of a kind of file; editors complete and check with it."""
-    from servogen.outputs import write_text
-    from servogen.workflows.schemas import SCHEMAS
-
     text = json.dumps(SCHEMAS[kind](), indent=2) + "\n"
     if output is None:
         print(text, end="")

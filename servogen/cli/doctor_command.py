@@ -6,16 +6,19 @@ import platform
 import re
 import shutil
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Annotated
+from importlib.metadata import PackageNotFoundError, requires, version
+from typing import Annotated
 
 import typer
+from serial.tools.list_ports import comports
 
 from servogen import __version__
+from servogen.bench.inputs.adapter import BoardFacts, identify
+from servogen.bench.inputs.firmata import BAUDS
+from servogen.bench.ports import open_port
+from servogen.bench.programmers.table import PROGRAMMERS, installed
 from servogen.cli.options import Json
 from servogen.cli.show import as_json, table
-
-if TYPE_CHECKING:
-    from servogen.bench.inputs.adapter import BoardFacts
 
 TOOLS = (
     ("gtkwave", "shows main.vcd"),
@@ -29,10 +32,6 @@ TOOLS = (
 MISSING = "missing"
 
 
-def register(app: typer.Typer) -> None:
-    app.command()(doctor)
-
-
 def doctor(
     inputs: Annotated[
         str | None, typer.Option("--inputs", help="Identify the input board at this port.")
@@ -40,10 +39,6 @@ def doctor(
     json: Json = False,
 ) -> None:
     """List the versions, tools and ports found on this machine."""
-    from serial.tools.list_ports import comports
-
-    from servogen.bench.programmers.table import PROGRAMMERS, installed
-
     libraries = _libraries()
     tools = [(name, use, shutil.which(name)) for name, use in TOOLS]
     tools += [
@@ -85,18 +80,12 @@ def doctor(
 
 def _board(path: str) -> BoardFacts:
     """Return the facts that the input board at a port reports. Raises ToolError."""
-    from servogen.bench.inputs.adapter import identify
-    from servogen.bench.inputs.firmata import BAUDS
-    from servogen.bench.ports import open_port
-
     with open_port(path, BAUDS[0]) as port:
         return identify(port)
 
 
 def _libraries() -> dict[str, str]:
     """Return the version of each library that servogen needs, by name."""
-    from importlib.metadata import PackageNotFoundError, requires, version
-
     names = [requirement_name(line) for line in requires("servogen") or () if "extra" not in line]
     versions = {}
     for name in names:

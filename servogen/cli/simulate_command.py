@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -17,28 +19,39 @@ from servogen.cli.options import (
     OwnDevice,
     Seconds,
     StimulusFile,
-    takes_chip_options,
 )
 from servogen.cli.show import as_json, progress, table, warn_of_all
+from servogen.edges import EdgeChunk, EdgeTrace
 from servogen.errors import InputError
-from servogen.programs import chip_of, clock_of
-from servogen.units import counted
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from servogen.edges import EdgeChunk
-    from servogen.programs import Program
-    from servogen.simulator import MachineState, Profile, SimulatorOptions, Stimuli
-    from servogen.units import Clock, Cycles
+from servogen.outputs import atomic_write, write_text
+from servogen.pic.image import to_hex
+from servogen.programs import Program, chip_of, clock_of
+from servogen.simulator import Machine, MachineState, Profile, SimulatorOptions, Stimuli, load_stimuli
+from servogen.simulator import profile as profiled
+from servogen.simulator import trace as traced
+from servogen.simulator.stimulus import file_inputs
+from servogen.traces import edge_writer, recorded
+from servogen.units import Clock, Cycles, counted
 
 DEFAULT_SECONDS = 1.0
 MAX_LINES = 20
 """The maximum number of the profile's source lines that are shown, those with the most cycles first."""
 
 
-def register(app: typer.Typer) -> None:
-    app.command()(takes_chip_options(simulate))
+@dataclass(frozen=True, slots=True)
+class SimulationFiles:
+    """The files to write."""
+
+    edges: Annotated[
+        Path | None, typer.Option("--edges", help="Write the edges of the pins: .csv, .jsonl or .vcd.")
+    ] = None
+    vcd: Annotated[Path | None, typer.Option("--vcd", help="Write the edges of the pins as VCD.")] = None
+    trace: Annotated[
+        Path | None, typer.Option("--trace", help="Write every executed instruction with its source line.")
+    ] = None
+    eeprom: Annotated[
+        Path | None, typer.Option("--eeprom", help="Write the program with the final data EEPROM (.hex).")
+    ] = None
 
 
 def simulate(
@@ -46,50 +59,36 @@ def simulate(
         Path, typer.Argument(help="A HEX, C or assembly file, a job or its build.", show_default=False)
     ],
     chip: ChipOptions,
+    files: SimulationFiles,
     seconds: Seconds = None,
     cycles: Annotated[
         int | None, typer.Option("--cycles", min=0, max=MAX_CYCLES, help="Duration in cycles.")
     ] = None,
-    edges: Annotated[
-        Path | None, typer.Option("--edges", help="Write the edges of the pins: .csv, .jsonl or .vcd.")
-    ] = None,
-    vcd: Annotated[Path | None, typer.Option("--vcd", help="Write the edges of the pins as VCD.")] = None,
     stimulus: StimulusFile = None,
-    trace: Annotated[
-        Path | None, typer.Option("--trace", help="Write every executed instruction with its source line.")
-    ] = None,
     profile: Annotated[bool, typer.Option("--profile", help="Show where the cycles were spent.")] = False,
-    eeprom: Annotated[
-        Path | None, typer.Option("--eeprom", help="Write the program with the final data EEPROM (.hex).")
-    ] = None,
     clock_hz: ClockHz = None,
     device: OwnDevice = None,
     json: Json = False,
 ) -> None:
     """Run a program from reset on the simulator (default: for one second)."""
-    from servogen.edges import EdgeTrace
-    from servogen.simulator import Machine, load_stimuli
-    from servogen.simulator.stimulus import file_inputs
-    from servogen.traces import edge_writer, recorded
-
-    keep_apart([path for path in (file, stimulus) if path], edges, vcd, trace, eeprom)
+    keep_apart([path for path in (file, stimulus) if path], files.edges, files.vcd, files.trace, files.eeprom)
     program = read_program(file, device)
     clock = clock_of(program, clock_hz)
     span = _span(clock, seconds, cycles)
     board = chip.on(chip_of(program, device))
     stimuli = load_stimuli(stimulus, clock) if stimulus else None
     machine = Machine(program.image, clock, board, stimuli)
-    paths = [path for path in (edges, vcd) if path]
-    with progress("simulating", span) as tell, ExitStack() as files:
+    paths = [path for path in (files.edges, files.vcd) if path]
+    with progress("simulating", span) as tell, ExitStack() as stack:
         inputs = file_inputs(stimuli, clock)
-        writers = [files.enter_context(edge_writer(path, clock, inputs=inputs)) for path in paths]
+        writers = [stack.enter_context(edge_writer(path, clock, inputs=inputs)) for path in paths]
         reported = EdgeTrace(clock, _told(machine.stream(span), tell), span)
         changes = sum(len(chunk.cycle) for chunk in recorded(reported, writers).driven())
     state = machine.state()
-    if trace:
-        _write_trace(trace, program, clock, board, stimuli, span)
-    if eeprom:
-        _write_eeprom(eeprom, program, state)
+    if files.trace:
+        _write_trace(files.trace, program, clock, board, stimuli, span)
+    if files.eeprom:
+        _write_eeprom(files.eeprom, program, state)
     spent = _profiled(program, clock, board, stimuli, span) if profile else None
     if json:
         shown = {**state.to_json(), "edges": changes}
@@ -102,8 +101,6 @@ def simulate(
 
 
 def _span(clock: Clock, seconds: float | None, cycles: int | None) -> Cycles:
-    from servogen.units import Cycles
-
     if seconds is not None and cycles is not None:
         raise InputError("conflicting-options", "--seconds and --cycles exclude each other: give one")
     if cycles is not None:
@@ -121,30 +118,18 @@ def _told(chunks: Iterator[EdgeChunk], tell: Callable[[int], None]) -> Iterator[
 def _write_trace(
     path: Path, program: Program, clock: Clock, board: SimulatorOptions, stimuli: Stimuli | None, span: Cycles
 ) -> None:
-    from servogen.outputs import atomic_write
-    from servogen.simulator import Machine
-    from servogen.simulator import trace as traced
-
     machine = Machine(program.image, clock, board, stimuli)
     with atomic_write(path) as file:
         file.writelines(f"{row}\n" for row in traced(machine, span, program.listing))
 
 
 def _write_eeprom(path: Path, program: Program, state: MachineState) -> None:
-    from dataclasses import replace
-
-    from servogen.outputs import write_text
-    from servogen.pic.image import to_hex
-
     write_text(path, to_hex(replace(program.image, eeprom=dict(enumerate(state.eeprom)))))
 
 
 def _profiled(
     program: Program, clock: Clock, board: SimulatorOptions, stimuli: Stimuli | None, span: Cycles
 ) -> Profile:
-    from servogen.simulator import Machine
-    from servogen.simulator import profile as profiled
-
     return profiled(Machine(program.image, clock, board, stimuli), span, program.listing)
 
 

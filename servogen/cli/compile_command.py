@@ -1,54 +1,78 @@
-"""Commands of the chip's languages: compile, assemble, disassemble."""
+"""`servogen compile`: C to Intel HEX."""
 
 from __future__ import annotations
 
 import re
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from servogen.cli.files import keep_apart, read_image, within_limits
-from servogen.cli.options import DeviceName, Dialect, Json, MemoryLimit, Output, TimeLimit
-from servogen.cli.show import as_json, warn_of_all
-from servogen.errors import InputError, Location
+from servogen.cli.files import keep_apart, within_limits, write_program
+from servogen.cli.options import Dialect, Json, MemoryLimit, Output, TimeLimit
+from servogen.cli.show import as_json, next_step, warn_of_all
+from servogen.compiler import Options, Source, compile_sources
+from servogen.compiler.diagnostics import WARNINGS
+from servogen.compiler.passes.manager import PASSES
+from servogen.errors import InputError, Location, did_you_mean
 from servogen.isolation import COMPILING, WorkLimits
 from servogen.programs import (
     beside_c,
     devices_of,
     dialect_of,
     included_names,
-    read_assembly,
     read_source,
 )
 from servogen.units import counted
 
-if TYPE_CHECKING:
-    from servogen.pic.image import Image
-    from servogen.pic.listing import Listing
-
 ListingFile = Annotated[Path | None, typer.Option("--listing", help="Write the listing as well (.lst).")]
 
 
-def register(app: typer.Typer) -> None:
-    app.command("compile")(compile_c)
-    app.command()(assemble)
-    app.command()(disassemble)
+@dataclass(frozen=True, slots=True)
+class LanguageOptions:
+    """The options of the C language and of the chip."""
 
-
-def compile_c(
-    sources: Annotated[list[Path], typer.Argument(help="C files of one program.", show_default=False)],
-    output: Output = None,
     dialect: Annotated[
         Dialect | None,
         typer.Option(
             "--dialect",
             help="The C dialect (default: xc8 if a file includes <xc.h>, sdcc if <pic14/…>, else c2c).",
         ),
-    ] = None,
-    listing: ListingFile = None,
+    ] = None
+    include: Annotated[
+        list[Path] | None,
+        typer.Option("-I", metavar="DIR", help="Search a folder for include files (repeatable)."),
+    ] = None
+    define: Annotated[
+        list[str] | None,
+        typer.Option("-D", metavar="NAME[=VALUE]", help="Define a macro; its value is 1 (repeatable)."),
+    ] = None
+    device: Annotated[
+        str | None,
+        typer.Option(
+            "--device",
+            help="The chip (default: the one that a header names, else PIC16F84, or PIC16F84A above 10 MHz).",
+        ),
+    ] = None
+    clock_hz: Annotated[
+        int | None,
+        typer.Option("--clock-hz", min=1, help="The clock in Hz, if the source does not state it."),
+    ] = None
+    float_bits: Annotated[
+        int | None,
+        typer.Option(
+            "--float", metavar="24|32", help="Size of float and double in bits (default: 24 in xc8, else 32)."
+        ),
+    ] = None
+
+
+@dataclass(frozen=True, slots=True)
+class CompilerOptions:
+    """The options of the compiler's own work."""
+
     optimise: Annotated[
         str,
         typer.Option(
@@ -57,32 +81,7 @@ def compile_c(
             metavar="none|speed|size",
             help="-O0: no optimisation; -O1: fewest cycles; -Os: fewest words (equal code as subroutines).",
         ),
-    ] = "speed",
-    include: Annotated[
-        list[Path],
-        typer.Option("-I", metavar="DIR", help="Search a folder for include files (repeatable)."),
-    ] = [],  # noqa: B006
-    define: Annotated[
-        list[str],
-        typer.Option("-D", metavar="NAME[=VALUE]", help="Define a macro; its value is 1 (repeatable)."),
-    ] = [],  # noqa: B006
-    device: Annotated[
-        str | None,
-        typer.Option(
-            "--device",
-            help="The chip (default: the one that a header names, else PIC16F84, or PIC16F84A above 10 MHz).",
-        ),
-    ] = None,
-    clock_hz: Annotated[
-        int | None,
-        typer.Option("--clock-hz", min=1, help="The clock in Hz, if the source does not state it."),
-    ] = None,
-    float_bits: Annotated[
-        int | None,
-        typer.Option(
-            "--float", metavar="24|32", help="Size of float and double in bits (default: 24 in xc8, else 32)."
-        ),
-    ] = None,
+    ] = "speed"
     dump: Annotated[
         str | None,
         typer.Option(
@@ -91,49 +90,39 @@ def compile_c(
             help="Print the compiler's intermediate form after a pass (default: the last one), and what each "
             "pass saved.",
         ),
-    ] = None,
+    ] = None
     no_warning: Annotated[
-        list[str],
+        list[str] | None,
         typer.Option("--no-warning", metavar="CODE", help="Suppress warnings with this code (repeatable)."),
-    ] = [],  # noqa: B006
+    ] = None
     verify_ir: Annotated[
         bool, typer.Option("--verify-ir", help="Check the intermediate form after every pass.")
-    ] = False,
-    timeout: TimeLimit = COMPILING.seconds,
-    memory_mb: MemoryLimit = COMPILING.memory_mb,
+    ] = False
+    timeout: TimeLimit = COMPILING.seconds
+    memory_mb: MemoryLimit = COMPILING.memory_mb
+
+
+def compile(
+    sources: Annotated[list[Path], typer.Argument(help="C files of one program.", show_default=False)],
+    language: LanguageOptions,
+    work: CompilerOptions,
+    output: Output = None,
+    listing: ListingFile = None,
     json: Json = False,
 ) -> None:
     """Compile C to Intel HEX (default output: the first file's name with .hex)."""
-    from servogen.compiler import Options, Source, compile_sources
-
     texts = [Source(read_source(path), str(path)) for path in sources]
-    found = partial(beside_c, folders=_folders(include))
-    names = included_names([(source.file, source.text) for source in texts], found)
-    spoken = dialect.value if dialect else dialect_of(names)
-    chip, faster = devices_of(device, names)
-    options = Options(
-        dialect=spoken,
-        device=chip,
-        faster_device=faster,
-        clock_hz=clock_hz,
-        float_bits=float_bits,
-        optimise={"0": "none", "1": "speed", "s": "size"}.get(optimise, optimise),
-        include=found,
-        defines=_macros(define),
-        dump_ir=_pass_to_dump(dump),
-        unwanted=_unwanted(no_warning),
-    )
-    if verify_ir:
-        options = replace(options, verify_ir=True)
+    options = _options(texts, language, work)
     compilation = within_limits(
         lambda: compile_sources(texts, options),
         sources[0],
-        WorkLimits(timeout, memory_mb),
+        WorkLimits(work.timeout, work.memory_mb),
         "--timeout and --memory-mb allow more",
     )
     target = output or sources[0].with_suffix(".hex")
     keep_apart(sources, target, listing)
-    _write(target, compilation.image, listing, compilation.listing)
+    write_program(target, compilation.image, listing, compilation.listing)
+    spoken, dump = options.dialect, work.dump
     if json:
         as_json(
             {
@@ -155,7 +144,28 @@ def compile_c(
             ]
             print("\n".join(savings) or "; no pass saved a word")
         print(f"{target}: {compilation.words} words of 1024, {compilation.ram_bytes} bytes of 68, {spoken}")
+        print(next_step("simulate", target))
     warn_of_all(compilation.diagnostics, compilation.source_lines)
+
+
+def _options(sources: Sequence[Source], language: LanguageOptions, work: CompilerOptions) -> Options:
+    """Return the compiler's options for sources. Raises InputError."""
+    found = partial(beside_c, folders=_folders(language.include or []))
+    names = included_names([(source.file, source.text) for source in sources], found)
+    chip, faster = devices_of(language.device, names)
+    options = Options(
+        dialect=language.dialect.value if language.dialect else dialect_of(names),
+        device=chip,
+        faster_device=faster,
+        clock_hz=language.clock_hz,
+        float_bits=language.float_bits,
+        optimise={"0": "none", "1": "speed", "s": "size"}.get(work.optimise, work.optimise),
+        include=found,
+        defines=_macros(language.define or []),
+        dump_ir=_pass_to_dump(work.dump),
+        unwanted=_unwanted(work.no_warning or []),
+    )
+    return replace(options, verify_ir=True) if work.verify_ir else options
 
 
 def _folders(folders: list[Path]) -> list[Path]:
@@ -179,9 +189,6 @@ def _macros(definitions: list[str]) -> dict[str, str]:
 
 def _unwanted(codes: list[str]) -> frozenset[str]:
     """Return the codes of `--no-warning`. Raises InputError."""
-    from servogen.compiler.diagnostics import WARNINGS
-    from servogen.errors import did_you_mean
-
     for code in codes:
         if code not in WARNINGS:
             raise InputError(
@@ -194,8 +201,6 @@ def _unwanted(codes: list[str]) -> frozenset[str]:
 
 def _pass_to_dump(asked: str | None) -> str | None:
     """Return the pass of `--dump ir[:PASS]`. Raises InputError."""
-    from servogen.compiler.passes.manager import PASSES
-
     if asked is None:
         return None
     form, _, name = asked.partition(":")
@@ -204,63 +209,3 @@ def _pass_to_dump(asked: str | None) -> str | None:
             "bad-option", f"--dump: '{asked}' is not ir or ir:PASS", hint=f"passes: {', '.join(PASSES)}"
         )
     return name or PASSES[-1]
-
-
-def assemble(
-    source: Annotated[Path, typer.Argument(help="An assembly file.", show_default=False)],
-    output: Output = None,
-    listing: ListingFile = None,
-    device: Annotated[
-        str | None,
-        typer.Option("--device", help="The chip (default: the one that the source names, else PIC16F84)."),
-    ] = None,
-    timeout: TimeLimit = COMPILING.seconds,
-    memory_mb: MemoryLimit = COMPILING.memory_mb,
-) -> None:
-    """Assemble MPASM source to Intel HEX (default output: the file's name with .hex)."""
-    from servogen.pic.assembler import assemble as assembled
-    from servogen.pic.assembler import beside
-    from servogen.pic.device import ASSEMBLED_DEVICES
-    from servogen.pic.device import device as device_named
-
-    chip = device_named(device, ASSEMBLED_DEVICES) if device else None
-    text = read_assembly(source)
-    assembly = within_limits(
-        lambda: assembled(text, str(source), chip, beside(source.parent)),
-        source,
-        WorkLimits(timeout, memory_mb),
-        "--timeout and --memory-mb allow more",
-    )
-    target = output or source.with_suffix(".hex")
-    keep_apart([source], target, listing)
-    _write(target, assembly.image, listing, assembly.listing)
-    print(f"{target}: {assembly.image.words} words of 1024")
-    warn_of_all(assembly.warnings, assembly.source_lines)
-
-
-def disassemble(
-    file: Annotated[Path, typer.Argument(help="An Intel HEX file, a job or its build.", show_default=False)],
-    output: Output = None,
-    device: DeviceName = "PIC16F84",
-) -> None:
-    """Write a HEX file as assembly that assembles to the same image (default: to standard output)."""
-    from servogen.outputs import write_text
-    from servogen.pic.device import device as device_named
-    from servogen.pic.disassembler import disassemble as disassembled
-
-    keep_apart([file], output)
-    text = disassembled(read_image(file), device_named(device))
-    if output:
-        write_text(output, text)
-    else:
-        print(text, end="")
-
-
-def _write(target: Path, image: Image, listing: Path | None, rows: Listing) -> None:
-    from servogen.outputs import write_text
-    from servogen.pic.image import to_hex
-    from servogen.pic.listing import listing_text
-
-    write_text(target, to_hex(image))
-    if listing:
-        write_text(listing, listing_text(rows))

@@ -1,0 +1,67 @@
+"""Commands of assembly: assemble, disassemble."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from servogen.cli.files import keep_apart, read_image, within_limits, write_program
+from servogen.cli.options import DeviceName, MemoryLimit, Output, TimeLimit
+from servogen.cli.show import next_step, warn_of_all
+from servogen.isolation import COMPILING, WorkLimits
+from servogen.outputs import write_text
+from servogen.pic.assembler import assemble as assembled
+from servogen.pic.assembler import beside
+from servogen.pic.device import ASSEMBLED_DEVICES
+from servogen.pic.device import device as device_named
+from servogen.pic.disassembler import disassemble as disassembled
+from servogen.programs import (
+    read_assembly,
+)
+
+ListingFile = Annotated[Path | None, typer.Option("--listing", help="Write the listing as well (.lst).")]
+
+
+def assemble(
+    source: Annotated[Path, typer.Argument(help="An assembly file.", show_default=False)],
+    output: Output = None,
+    listing: ListingFile = None,
+    device: Annotated[
+        str | None,
+        typer.Option("--device", help="The chip (default: the one that the source names, else PIC16F84)."),
+    ] = None,
+    timeout: TimeLimit = COMPILING.seconds,
+    memory_mb: MemoryLimit = COMPILING.memory_mb,
+) -> None:
+    """Assemble MPASM source to Intel HEX (default output: the file's name with .hex)."""
+    chip = device_named(device, ASSEMBLED_DEVICES) if device else None
+    text = read_assembly(source)
+    assembly = within_limits(
+        lambda: assembled(text, str(source), chip, beside(source.parent)),
+        source,
+        WorkLimits(timeout, memory_mb),
+        "--timeout and --memory-mb allow more",
+    )
+    target = output or source.with_suffix(".hex")
+    keep_apart([source], target, listing)
+    write_program(target, assembly.image, listing, assembly.listing)
+    print(f"{target}: {assembly.image.words} words of 1024")
+    print(next_step("simulate", target))
+    warn_of_all(assembly.warnings, assembly.source_lines)
+
+
+def disassemble(
+    file: Annotated[Path, typer.Argument(help="An Intel HEX file, a job or its build.", show_default=False)],
+    output: Output = None,
+    device: DeviceName = "PIC16F84",
+) -> None:
+    """Write a HEX file as assembly that assembles to the same image (default: to standard output)."""
+    keep_apart([file], output)
+    text = disassembled(read_image(file), device_named(device))
+    if output:
+        write_text(output, text)
+        print(next_step("assemble", output))
+    else:
+        print(text, end="")

@@ -1,0 +1,95 @@
+"""`servogen flash`: programs a chip."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from servogen.bench.programmers.flash import command_of
+from servogen.bench.programmers.flash import flash as flashed
+from servogen.bench.programmers.table import ProgrammingRequest, find
+from servogen.cli.files import read_image
+from servogen.cli.options import Json
+from servogen.cli.show import as_json, status, warn
+from servogen.errors import InputError, Location
+from servogen.programs import is_job, program_file, read_schedule
+from servogen.workflows.flashing import check, schedule_beside
+
+
+@dataclass(frozen=True, slots=True)
+class FlashOptions:
+    """Who programs which chip."""
+
+    programmer: Annotated[
+        str | None,
+        typer.Option(
+            "--programmer",
+            help="picpro, pk2cmd, ipecmd, pickit3, usbpicprog, picprog or a path (default: the first found).",
+        ),
+    ] = None
+    port: Annotated[str | None, typer.Option("--port", "-p", help="The programmer's serial port.")] = None
+    device: Annotated[
+        str | None,
+        typer.Option(
+            "--device", help="The chip: PIC16F84 or PIC16F84A (default: what the program was built for)."
+        ),
+    ] = None
+    timeout: Annotated[float, typer.Option("--timeout", min=1, help="Seconds to wait for the chip.")] = 120.0
+
+
+def flash(
+    file: Annotated[
+        Path, typer.Argument(help="The HEX file to program, or the folder of a build.", show_default=False)
+    ],
+    chosen: FlashOptions,
+    against: Annotated[
+        Path | None,
+        typer.Option("--against", help="The schedule to compare it with (default: the one beside it)."),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Program the chip even if the checks fail.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the command without running it.")] = False,
+    json: Json = False,
+) -> None:
+    """Compare a program's pulses with their schedule, program a chip, and check that it was programmed."""
+    if is_job(file):
+        hint = f"build it, then flash its folder: servogen build {file}"
+        raise InputError(
+            "no-program", "is a job, and a programmer takes a HEX file", Location(str(file)), hint
+        )
+    file = program_file(file)
+    image = read_image(file)
+    path = against or schedule_beside(file)
+    checked = check(file, image, chosen.device, path, read_schedule(path) if path else None)
+    order = ProgrammingRequest(file, checked.device, chosen.port)
+    installed = find(chosen.programmer)
+    command = command_of(installed, order)
+    for warning in checked.warnings(force):
+        warn(warning)
+    if dry_run:
+        if json:
+            as_json({"command": list(command), "programmer": installed.programmer.name})
+        else:
+            print(shlex.join(command))
+        return
+    with status(f"programming with {installed.programmer.name}"):
+        outcome = flashed(installed, order, image, chosen.timeout)
+    if outcome.compared:
+        how = f"read back and compared: {', '.join(outcome.compared)}"
+    elif installed.programmer.verifies:
+        how = "verified by the programmer, not read back"
+    else:
+        how = "programmed; this programmer does not show that it compared: capture and verify"
+    if json:
+        as_json(
+            {
+                "programmer": installed.programmer.name,
+                "words": image.words,
+                "compared": list(outcome.compared),
+            }
+        )
+        return
+    print(f"{file}: {image.words} words on the {order.device.name}, {how}")
