@@ -33,7 +33,8 @@ from servogen.report.pulse_plot import pulse_plot
 from servogen.simulator import SimulatorOptions
 from servogen.traces import read_edges
 from servogen.traces.captures import is_capture, read_capture, sampled_at
-from servogen.verify import capture_lines, measurement_lines, verdict_lines
+from servogen.units import Cycles
+from servogen.verify import Verdict, capture_lines, measurement_lines, verdict_lines
 from servogen.verify import measure as measured
 from servogen.workflows import judge_file, judge_image, motion_cycles
 from servogen.workflows.measured_schedule import measured_schedule
@@ -156,21 +157,29 @@ def verify(
             "out-of-range",
             f"--seconds {seconds:g} is less than one frame of {schedule.period} cycles: nothing is compared",
         )
-    image = None
-    with status("comparing every edge"):
-        if is_program(file):
-            program = program_for(schedule, file, board.device, read_program)
-            image = program.image
-            verdict = judge_image(schedule, image, span, program.listing, board)
-        else:
-            trace = read_edges(file, schedule.clock, wires=wires)
-            hidden = hidden_by(file, schedule.clock, wires)
-            verdict = judge_file(schedule, trace, file.suffix.lower() == ".vcd", span, hidden)
+    verdict, image = _judged(file, schedule, span, board, wires)
     if json:
         as_json(verdict.to_json() | _run_json(schedule, image), verdict.warnings)
     else:
         print("\n".join((*verdict_lines(verdict), *not_judged(schedule, image))))
     raise typer.Exit(0 if verdict.accepted(source.partial) else 1)
+
+
+def _judged(
+    file: Path,
+    schedule: PulseSchedule,
+    span: Cycles | None,
+    board: SimulatorOptions,
+    wires: Mapping[str, str] | None,
+) -> tuple[Verdict, Image | None]:
+    """Return the verdict on a program, with its image, or on recorded edges."""
+    with status("comparing every edge"):
+        if is_program(file):
+            program = program_for(schedule, file, board.device, read_program)
+            return judge_image(schedule, program.image, span, program.listing, board), program.image
+        trace = read_edges(file, schedule.clock, wires=wires)
+        hidden = hidden_by(file, schedule.clock, wires)
+        return judge_file(schedule, trace, file.suffix.lower() == ".vcd", span, hidden), None
 
 
 def _one_claim(against: Path | None, contract: Path | None, of_contract: Mapping[str, object]) -> None:

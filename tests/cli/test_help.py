@@ -56,6 +56,8 @@ OPTIONS: dict[str, tuple[object, float | None, float | None]] = {
     "--first": (0, 0, 253),
     "--friction": (0.8, None, None),
     "--level": (1, 0, 8),
+    "--body-yaw-deg": (0.0, -180, 180),
+    "--margin-mm": (None, 0, None),
     "--gap-mm": (12.0, 0, 100_000),
     "--lift-mm": (20.0, 0, 100_000),
     "--loops": (1, 1, None),
