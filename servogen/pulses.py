@@ -47,6 +47,9 @@ class Pulses(NamedTuple):
         return self.take(self.complete)
 
 
+NO_PULSES = Pulses(np.zeros(0, np.uint8), np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.bool_))
+
+
 class PulseReader:
     """Reads consecutive chunks of edges, cut anywhere; its memory is which pins are high, and since when.
 
@@ -64,14 +67,17 @@ class PulseReader:
 
     def __call__(self, chunk: EdgeChunk) -> Pulses:
         """Return the pulses that end in a chunk of edges."""
+        if not len(chunk.cycle):  # most steps of a physics engine see none
+            return NO_PULSES
+        # pin by pin, so that the edge before is that of the same pin; the ends in their own order again
         order = np.argsort(chunk.pin, kind="stable")
         pin, high = chunk.pin[order], chunk.level[order] == HIGH
-        first = np.append(True, pin[1:] != pin[:-1])[: len(pin)]
+        first = _first_of_pin(pin)
         before = np.where(first, self._since[pin] != LOW_SINCE, np.roll(high, 1))
         changes = high != before
         order, pin, high = order[changes], pin[changes], high[changes]
         cycle = chunk.cycle[order]
-        first = np.append(True, pin[1:] != pin[:-1])[: len(pin)]
+        first = _first_of_pin(pin)
         rise = np.where(first, self._since[pin], np.roll(cycle, 1))
         last = np.append(first[1:], True)[: len(pin)]
         self._since[pin[last]] = np.where(high[last], cycle[last], LOW_SINCE)
@@ -93,6 +99,11 @@ class PulseReader:
         self, pin: npt.NDArray[np.uint8], rise: npt.NDArray[np.int64], fall: npt.NDArray[np.int64]
     ) -> Pulses:
         return Pulses(pin, rise, fall - rise, rise > self.begin)
+
+
+def _first_of_pin(pin: npt.NDArray[np.uint8]) -> npt.NDArray[np.bool_]:
+    """Return which of the edges, sorted by pin, are the first of their pin."""
+    return np.append(True, pin[1:] != pin[:-1])[: len(pin)]
 
 
 def pulses(trace: EdgeTrace) -> Pulses:
