@@ -5,9 +5,11 @@
                0    1    1    0    0    0       a width is known to one sample
 
 The rule: a sample may be no longer than the shortest pulse or gap that counts, `Tolerances.glitch_us`. A
-file that states no rate states its time step at least. A step of more than a nanosecond is believed, as long
-as each edge is where it is scheduled to that step; otherwise edges that all lie on the grid of a slow rate
-are evidence that samples are missing.
+stated rate is believed as long as all edges lie on its grid. If one lies between two samples, there were more
+of them, and the tolerances are those of the grid on which all edges do lie. A file that states no rate states
+its time step at least. A step of more than a nanosecond is believed, as long as each edge is where it is
+scheduled to that step; otherwise edges that all lie on the grid of a slow rate are evidence that samples are
+missing.
 
 In: a capture and what its file says. Out: a `Sampling`.
 """
@@ -41,7 +43,7 @@ FIRST_EDGES = 50
 
 @dataclass(frozen=True, slots=True)
 class Sampling:
-    """One sample every `sample_us`; if the file does not contain it (not `stated`), the maximum it can be."""
+    """One sample every `sample_us`; if no rate that its edges allow is `stated`, the maximum it can be."""
 
     sample_us: float
     stated: bool
@@ -74,9 +76,11 @@ def sampling(captured: EdgeTrace, sample: float | None) -> Sampling:
     `sample` is the number of steps from sample to sample if the file contains it.
     """
     step_us = float(captured.clock.cycle_us)
-    if sample is not None:
-        return Sampling(max(sample, 1.0) * step_us, True)
     edges = np.unique(join(captured.driven()).cycle)
+    if sample is not None:
+        sample = max(sample, 1.0)
+        if not len(edges) or _on_grid(edges - edges[0], sample, 2 * ROUNDING):
+            return Sampling(sample * step_us, True)
     if not edges.any():
         return Sampling(step_us, False)
     return Sampling(max(int(np.gcd.reduce(edges)) * step_us, _grid_us(edges, step_us)), False)
@@ -93,9 +97,9 @@ def _grid_us(edges: Ints, step_us: float) -> float:
     return 0.0
 
 
-def _on_grid(edges: Ints, sample: float) -> bool:
+def _on_grid(edges: Ints, sample: float, rounding: float = ROUNDING) -> bool:
     away = np.abs(edges - np.rint(edges / sample) * sample)
-    return bool(away.max() <= ROUNDING)
+    return bool(away.max() <= rounding)
 
 
 def rate_words(sample_us: float) -> str:

@@ -111,6 +111,20 @@ def block_lost(edges: Edges, end: int, rng: random.Random) -> tuple[Edges, int]:
     return out, end - size
 
 
+def block_repeated(edges: Edges, end: int, rng: random.Random) -> tuple[Edges, int]:
+    """Samples that come twice, between two edges or with them."""
+    size = rng.randint(4, PERIOD // 2)
+    at = rng.randint(edges[4][0] + size, edges[-8][0])
+    again = [(time + size, *rest) for time, *rest in edges if at - size <= time < at]
+    later = [(time + size * (time >= at), *rest) for time, *rest in edges]
+    level, out = [0, 0], []
+    for time, wire, high in sorted([*later, *again]):
+        if level[wire] != high:
+            level[wire] = high
+            out.append((time, wire, high))
+    return out, end + size
+
+
 def clock_changed(edges: Edges, end: int, rng: random.Random) -> tuple[Edges, int]:
     factor = rng.choice((0.1, 0.5, 0.9, 0.99, 0.998, 1.002, 1.01, 1.1, 2.0, 10.0))
     return [(round(time * factor), *rest) for time, *rest in edges], round(end * factor)
@@ -138,8 +152,8 @@ def wire_dead(edges: Edges, end: int, rng: random.Random) -> tuple[Edges, int]:
 
 Change = Callable[[Edges, int, random.Random], tuple[Edges, int]]
 CHANGES: tuple[Change, ...] = (
-    edge_moved, pulse_moved, pulse_lost, pulse_added, block_lost, clock_changed, wires_swapped, inverted, cut,
-    wire_dead,
+    edge_moved, pulse_moved, pulse_lost, pulse_added, block_lost, block_repeated, clock_changed,
+    wires_swapped, inverted, cut, wire_dead,
 )  # fmt: skip
 
 # -- the formats, each written by itself
@@ -177,6 +191,11 @@ def _vcd(folder: Path, edges: Edges, end: int, comment: str) -> Path:
 
 def vcd(folder: Path, edges: Edges, end: int) -> Path:
     return _vcd(folder, edges, end, "Acquisition with 2/8 channels at 1 MHz")
+
+
+def coarse_vcd(folder: Path, edges: Edges, end: int) -> Path:
+    """States a rate that its edges contradict."""
+    return _vcd(folder, edges, end, "Acquisition with 2/8 channels at 200 kHz")
 
 
 def silent_vcd(folder: Path, edges: Edges, end: int) -> Path:
@@ -233,7 +252,7 @@ def edge_jsonl(folder: Path, edges: Edges, end: int) -> Path:
     return path
 
 
-FORMATS = (session, vcd, silent_vcd, saleae, stitched, edge_csv, edge_jsonl)
+FORMATS = (session, vcd, coarse_vcd, silent_vcd, saleae, stitched, edge_csv, edge_jsonl)
 EXACT = (edge_csv, edge_jsonl)
 
 
@@ -284,7 +303,11 @@ def attack(mutants: int, seed: int, folder: Path) -> tuple[Counter[str], list[st
         else:
             change = rng.choice(CHANGES)
             changed = change(list(edges), end, rng)
-            if write is stitched and changed[0][:SEAM] == edges[:SEAM] and change is block_lost:
+            if (
+                write is stitched
+                and changed[0][:SEAM] == edges[:SEAM]
+                and change in (block_lost, block_repeated)
+            ):
                 changed = edge_moved(list(edges), end, rng)  # what is lost at the seam is not known anyway
             path, kind = write(folder, *changed), change.__name__
         counts[f"{write.__name__}: {kind}"] += 1

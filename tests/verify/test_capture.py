@@ -255,6 +255,24 @@ def test_steps_finer_than_samples_are_no_finer_measurement() -> None:
     assert verify_capture(schedule(), fine, sample=1000).to_json() == verdict.to_json()
 
 
+def test_a_stated_rate_that_the_edges_contradict_gives_no_wider_tolerance() -> None:
+    """A comment says 200 kHz, and edges lie on a grid of 1 µs: 3 µs are then seen."""
+    right, wrong = capture(edges_of(pulses())), capture(edges_of(wider(3, 3)))
+    found = verify_capture(schedule(), right, sample=5)
+    assert found.passed and found.sample_us == 1.0
+    assert not verify_capture(schedule(), wrong, sample=5).passed
+
+
+def test_a_stated_rate_on_whose_grid_all_edges_lie_is_believed() -> None:
+    coarse = capture(edges_of(pulses()), rate=500_000)
+    chunk = next(iter(coarse.chunks))
+    shifted = chunk.cycle * 2000 + 700 * (
+        chunk.cycle > 0
+    )  # the first sample is not on the grid of the others
+    fine = EdgeTrace(Clock(4_000_000_000), (chunk._replace(cycle=shifted),), Cycles(coarse.end * 2000))
+    assert verify_capture(schedule(), fine, sample=2000).sample_us == 2.0
+
+
 def test_times_that_happen_to_be_round_hide_no_error() -> None:
     # Every edge at a multiple of 500 µs, but for one that is 3 µs late: samples are not 500 µs apart.
     edges = [(frame * PERIOD, 1500 + 3 * (frame == 30), RB0) for frame in range(100)]
