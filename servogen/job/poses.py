@@ -1,4 +1,5 @@
-"""[motion] poses of a job -> `motion.Pose` values: servo angles from `<servo>_deg`, `foot_mm` and `tip_mm`.
+"""[motion] poses of a job -> `motion.Pose` values: angles from `<servo>_deg`, `<servo>_us`, `foot_mm` and
+`tip_mm`.
 
 In: the validated table, the servos and what they move. Out: the poses, each with the angles of all servos in
 radians.
@@ -25,7 +26,7 @@ from servogen.robot.servo import Servo
 from servogen.toml.file import Document, exact, shown, unknown_key
 from servogen.toml.locations import Key
 
-ANGLE = "_deg"
+ANGLE, WIDTH = "_deg", "_us"
 
 OFF_THE_PATH = 'path = "joint" goes to this pose, but not along the path'
 """The hint for a path that cannot be followed."""
@@ -201,18 +202,25 @@ class _Reader:
     def _named(self, key: Key, row: PoseTable) -> dict[str, float]:
         """Return the angles in radians that a pose states for servos by name."""
         by_key = {_key_of(servo): servo for servo in self.servos}
+        by_width = {servo.name + WIDTH: servo for servo in self.servos}
         angles: dict[str, float] = {}
         for word, value in (row.model_extra or {}).items():
             here = (*key, word)
-            if word not in by_key:
-                raise self._unknown(here, word, by_key)
-            servo, angle = by_key[word], _angle(self.document, here, value)
+            if word in by_width:
+                servo, angle = by_width[word], by_width[word].angle(_number(self.document, here, value))
+            elif word in by_key:
+                servo, angle = by_key[word], _angle(self.document, here, value)
+            else:
+                raise self._unknown(here, word, by_key | by_width)
+            if servo.name in angles:
+                both = f"{_key_of(servo)} and {servo.name}{WIDTH}"
+                raise self.document.error("conflicting-keys", here, f"{both} both place {servo.name}")
             servo.width_us(angle, self.document.place(*here))
             angles[servo.name] = angle
         return angles
 
     def _unknown(self, key: Key, word: str, by_key: Mapping[str, Servo]) -> InputError:
-        name, names = word.removesuffix(ANGLE), [servo.name for servo in self.servos]
+        name, names = word.removesuffix(ANGLE).removesuffix(WIDTH), [servo.name for servo in self.servos]
         if name != word and name not in names:
             return self.document.error(
                 "unknown-servo", key, f"there is no servo '{name}'", did_you_mean(name, names)
@@ -322,15 +330,20 @@ class _FollowedPath:
 
 def _angle(document: Document, key: Key, value: object) -> float:
     """Return a number of degrees in radians. Raises InputError unless it is finite."""
+    return math.radians(_number(document, key, value, "an angle", 90))
+
+
+def _number(document: Document, key: Key, value: object, what: str = "a width", such: int = 1500) -> float:
+    """Return a finite number. Raises InputError, which says `what` it is not and one `such`."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         try:
-            degrees = float(value)
+            number = float(value)
         except OverflowError:
-            degrees = math.inf
-        if math.isfinite(degrees):
-            return math.radians(degrees)
+            number = math.inf
+        if math.isfinite(number):
+            return number
     raise document.error(
-        "bad-angle", key, f"{shown(value)} is not an angle", f"a finite number: {key[-1]} = 90"
+        "bad-angle", key, f"{shown(value)} is not {what}", f"a finite number: {key[-1]} = {such}"
     )
 
 

@@ -86,13 +86,15 @@ class RobotTable(Table):
 
 
 class PoseTable(Table):
-    """A pose of [motion] poses; all keys that are not listed here are angles, `<servo>_deg`."""
+    """A pose of [motion] poses; all keys that are not listed here are angles, `<servo>_deg`, or the widths of
+    pulses, `<servo>_us`.
+    """
 
     model_config = ConfigDict(
         extra="allow",
         json_schema_extra={
             "additionalProperties": False,
-            "patternProperties": {"^(?!orientation_deg$).*_deg$": {"type": "number"}},
+            "patternProperties": {"^(?!orientation_deg$).*_(deg|us)$": {"type": "number"}},
         },
     )
 

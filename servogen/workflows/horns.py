@@ -68,7 +68,8 @@ def horns_of(planned: PlannedJob, job: Job | None = None) -> tuple[Horn, ...]:
     servos = {servo.name: servo for servo in (job or planned).servos}
     columns = [servo.name for servo in planned.servos]
     poses = planned.document.data.get("motion", {}).get("poses", ())
-    commanded = {name for name in columns if any(f"{name}_deg" in pose for pose in poses)}
+    stated = {key for pose in poses for key in pose}
+    commanded = {name for name in columns if not stated.isdisjoint((f"{name}_deg", f"{name}_us"))}
     angles = np.concatenate([planned.trajectory.angles, *(way.angles for way in planned.directions)])
     found = []
     for binding in planned.bindings:
