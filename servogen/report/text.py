@@ -164,14 +164,14 @@ def _motion(facts: BuildFacts) -> Iterator[str]:
 
 
 def _paths(facts: BuildFacts) -> Iterator[str]:
-    """Yield the error of whole cycles at the foot, tool or base; nothing if the servos move none."""
+    """Yield the error of the schedule at the foot, tool or base; nothing if the servos move none."""
     schedule = facts.plan.schedule
     errors = errors_of(tracks_of(facts.job, schedule))
     if errors:
         frame_s = float(schedule.clock.seconds(schedule.period))
         worst = worst_of(errors)
         away = f"{1000 * worst.worst_m:z.3f} mm"
-        yield f"Pulses of whole cycles put {worst.name} up to {away} from where it was planned."
+        yield f"The program's pulses put {worst.name} up to {away} from where it was planned."
         yield from _table(ERROR_COLUMNS, list(error_rows(errors, frame_s)))
 
 

@@ -33,9 +33,11 @@ from tests.prove.certificate_mutants import Data, Subject, as_column, flipped, v
 
 ENVIRONMENTS, FORGED, RIGHT = 6, 3, 8
 """In which a mutant runs; certificates of a wrong one; mutants that may be right, and lend their states."""
+MAX_STATES = 200
+"""Of a mutant that is to be proven."""
 
 
-def certified(case: attack.Target, image: attack.Image, max_states: int = 200) -> Data | None:
+def certified(case: attack.Target, image: attack.Image, max_states: int) -> Data | None:
     """Return the certificate of a program as data; None if it is not proven."""
     proof = prove_for_all(image, case.schedule, options=board_of(case.schedule), max_states=max_states)
     if not proof.proven:
@@ -140,7 +142,9 @@ def main() -> int:
         case, rng = attack.target(name), random.Random(f"{wanted.seed} {name}")
         near = (image for _, image in islice(attack.mutants(case, rng), RIGHT))
         made = [case.image, *(image for image in near if not is_wrong(case, image, rng))]
-        lent = [data for image in made if (data := certified(case, image)) is not None]
+        limits = [20_000, *[MAX_STATES] * RIGHT]
+        tried = (certified(case, image, limit) for image, limit in zip(made, limits, strict=False))
+        lent = [data for data in tried if data is not None]
         assert verdict(Subject(case.image, case.text, lent[0]), lent[0]) == "", name
         for what, image in attack.mutants(case, rng):
             if counts["forged"] >= wanted.count * (number + 1) // len(wanted.jobs):

@@ -26,7 +26,7 @@ def report(name: str) -> str:
 def test_a_robots_report_has_the_error_in_millimetres(name: str, end: str) -> None:
     text = report(name)
     section = text.split("Paths\n-----\n")[1].split("\n\n")[0].splitlines()
-    assert section[0].startswith(f"Pulses of whole cycles put {end} up to ")
+    assert section[0].startswith(f"The program's pulses put {end} up to ")
     assert section[1].split() == [
         "end",
         "worst_mm",
