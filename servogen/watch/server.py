@@ -37,7 +37,7 @@ from servogen.watch.session import Message, WatchSession, repetition_of
 from servogen.watch.subject import Subject, theorem_of
 
 LOOPBACK = "127.0.0.1"
-PICTURES_PER_S = 20
+PICTURES_PER_S = 15
 """The number of moments a second that a running window is told; in between the page moves its servos."""
 MAX_SESSIONS = 16
 """The maximum number of sessions of closed windows that are kept in case they are reloaded."""

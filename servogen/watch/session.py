@@ -68,7 +68,7 @@ MAX_EDGES = 20_000
 """The maximum number of edges in one answer; a range with more is cut."""
 SCOPE_SPEED = 0.1
 """The speed above which the waves show whole frames of the past, like a scope triggered by the frame."""
-SCOPE_S = 0.125
+SCOPE_S = 0.15
 """The interval between two such views; more slowly, the edges come with every picture."""
 AHEAD = 0.25
 """The part of the waves that is kept free for the future at lower speeds."""
@@ -78,7 +78,7 @@ HELD_S = (1, 10)
 """How far back pulses are searched for the last position of servos that have none now."""
 FRAME_S = Fraction(20, 1000)
 """The assumed frame of a program without a schedule."""
-FULL_S = 0.25
+FULL_S = 0.33
 """The interval at which the whole chip is shown while it runs."""
 SLICE_S = 0.012
 """The time that the server calculates between two messages at full speed."""

@@ -427,7 +427,7 @@ class Page {
   }
   // Paint at the display's rate: between two messages the servos go on as fast as they can.
   picture() {
-    if (this.painting) return;
+    if (this.painting || !this.latest) return;
     this.painting = true;
     requestAnimationFrame(time => {
       this.painting = false;
