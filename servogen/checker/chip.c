@@ -1,13 +1,13 @@
 /* The PIC16F84 with unknown bits: runs a program from one state to the next event.
 
-   In: the state (a vector of 64-bit integers, whose slots layout.py numbers), the program, the edges that are due
-   in this frame. Out: the state later, and the reason why it stopped. A byte is a cell v | m << 8 | p << 16: the
-   bits of m are unknown (and 0 in v); if p is 1, the byte is v + phi mod 256, with one phi for all such bytes, the
-   unknown phase of TMR0. Section numbers are those of DS35007; the cycles of interrupts are those of DS30430
-   figures 6-4 and 8-17.
+   In: the state (a vector of 64-bit integers, whose slots layout.py numbers), the program, the edges that are
+   due in this frame. Out: the state later, and the reason why it stopped. A byte is a cell v | m << 8 | p <<
+   16: the bits of m are unknown (and 0 in v); if p is 1, the byte is v + phi mod 256, with one phi for all
+   such bytes, the unknown phase of TMR0. Section numbers are those of DS35007; the cycles of interrupts are
+   those of DS30430 figures 6-4 and 8-17.
 
-   This chip is the second witness of a proof: it shares nothing with the simulator, in which the proof was found,
-   and it models less. What it does not model ends a run. */
+   This chip is the second witness of a proof: it shares nothing with the simulator, in which the proof was
+   found, and it models less. What it does not model ends a run. */
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -34,10 +34,10 @@ typedef struct {
 static i64 min(i64 a, i64 b) { return a < b ? a : b; }
 static i64 max(i64 a, i64 b) { return a > b ? a : b; }
 
-/* Instructions on unknown bits ---------------------------------------------------------------------------- */
+/* Instructions on unknown bits ------------------------------------------------------------ */
 
-/* Returns the result of an operation on the register or literal `a`; bit 8 is the carry. `x` is W, the carry, or
-   the bit of the instruction. Skips are taken if the result is 0. */
+/* Returns the result of an operation on the register or literal `a`; bit 8 is the carry. `x` is W, the carry,
+   or the bit of the instruction. Skips are taken if the result is 0. */
 static i64 result(i64 op, i64 a, i64 x)
 {
     switch (op) {
@@ -71,8 +71,8 @@ static i64 known(i64 op, i64 a, i64 x)
     return (r & 0xFF) | flags << 8;
 }
 
-/* Returns what the results have in common over all choices of the unknown bits and phi of cells `a` and `x`: a
-   cell, from bit 24 on the flags, and from bit 32 on the unknown flags. */
+/* Returns what the results have in common over all choices of the unknown bits and phi of cells `a` and `x`:
+   a cell, from bit 24 on the flags, and from bit 32 on the unknown flags. */
 static i64 joined(i64 op, i64 a, i64 x)
 {
     i64 every = -1, some = 0, first = 0, choice;
@@ -114,7 +114,7 @@ i64 operate(i64 (*memo)[2], i64 op, i64 a, i64 x)
     return entry[1];
 }
 
-/* What happens by itself ---------------------------------------------------------------------------------- */
+/* What happens by itself ------------------------------------------------------------ */
 
 /* Returns the cycles in which TMR0 counts one (section 5.2). */
 i64 ratio(const i64 *s) { return s[OPTION] & PSA ? 1 : 2 << (s[OPTION] & PS); }
@@ -129,8 +129,8 @@ i64 timer(const i64 *s, i64 cycle)
     return (ticks & 0xFF) | (s[TMR0] & 1 << 16);
 }
 
-/* Sets the first cycle in which any chip's watchdog may time out: after CLRWDT, or after PSA or PS have `changed`,
-   of which the prescaler may have kept any count (section 6.10). */
+/* Sets the first cycle in which any chip's watchdog may time out: after CLRWDT, or after PSA or PS have
+   `changed`, of which the prescaler may have kept any count (section 6.10). */
 void plan_time_out(i64 *s, const Board *board, i64 changed, i64 cycle)
 {
     if (!board->watchdog)
@@ -203,7 +203,8 @@ void happen(i64 *s, i64 flag)
     }
 }
 
-/* Returns the cycle in which the frame's next edge is missed, or the frame ends; NEVER before the first pulse. */
+/* Returns the cycle in which the frame's next edge is missed, or the frame ends; NEVER before the first
+   pulse. */
 static i64 pending(const i64 *s, const Edges *edges, const Board *board)
 {
     if (s[FRAME] == BEFORE)
@@ -245,8 +246,8 @@ i64 events(i64 *s, const Edges *edges, const Board *board)
     return now >= board->limit ? TOO_LONG : GOES_ON;
 }
 
-/* Goes on after SLEEP, which a flag has ended, or (0) the watchdog; TMR0 stood still, and the watchdog is cleared
-   (section 6.11.2). */
+/* Goes on after SLEEP, which a flag has ended, or (0) the watchdog; TMR0 stood still, and the watchdog is
+   cleared (section 6.11.2). */
 void wake(i64 *s, const Board *board, i64 flag)
 {
     if (flag)
@@ -273,7 +274,7 @@ void do_not_sleep(i64 *s, i64 flag)
     s[NEXT_EVENT] = 0;
 }
 
-/* Registers ----------------------------------------------------------------------------------------------- */
+/* Registers ------------------------------------------------------------ */
 
 static bool is_port(i64 slot) { return slot == PORTA || slot == PORTB; }
 
@@ -289,7 +290,7 @@ i64 drive(i64 *s, const Edges *edges, const Board *board, i64 cycle)
         return GOES_ON;
     if (dark || was_dark || tris & board->channels)
         return DARK_PIN;
-    if (s[FRAME] == BEFORE) { /* the first rise is the schedule's first edge: it fixes the frame's beginning */
+    if (s[FRAME] == BEFORE) { /* the first rise is the schedule's first edge: the frame's beginning */
         if (edges->count == 0)
             return WRONG_EDGE;
         s[FRAME] = cycle - edges->at[0];
@@ -352,8 +353,8 @@ static void write_option(i64 *s, const Board *board, i64 cycle, i64 r)
         plan_time_out(s, board, changed, cycle);
 }
 
-/* Writes EECON1: RD reads at once; WR begins a write if the keys 55h and AAh were written to EECON2 three and one
-   cycles ago, and can be set, but not cleared (section 3). */
+/* Writes EECON1: RD reads at once; WR begins a write if the keys 55h and AAh were written to EECON2 three and
+   one cycles ago, and can be set, but not cleared (section 3). */
 static i64 write_eecon1(i64 *s, i64 *eeprom, const Board *board, i64 cycle, i64 r)
 {
     bool began = !(s[EECON1] & WR) && r & WR;
@@ -414,7 +415,7 @@ i64 write_slot(i64 *s, i64 *eeprom, const Board *board, i64 slot, i64 cycle, i64
     return GOES_ON;
 }
 
-/* Instructions -------------------------------------------------------------------------------------------- */
+/* Instructions ------------------------------------------------------------ */
 
 /* Stops before an instruction that depends on unknown `bits` of a slot, the lowest one first. */
 i64 ask(i64 *s, i64 slot, i64 bits)
@@ -424,8 +425,8 @@ i64 ask(i64 *s, i64 slot, i64 bits)
     return bits & 0xFF ? FORK : PHASE;
 }
 
-/* Returns the slot of the register at `f` in an instruction, or -1 to stop if it depends on unknown bits: those of
-   FSR or RP0 (section 2). */
+/* Returns the slot of the register at `f` in an instruction, or -1 to stop if it depends on unknown bits:
+   those of FSR or RP0 (section 2). */
 static i64 locate(i64 *s, i64 f, const i64 *slots)
 {
     if (f == 0 && s[FSR] >> 8) {
@@ -463,7 +464,8 @@ static i64 undecided(i64 *s, const i64 *row, const Board *board, i64 slot, i64 a
     if (row[FLOW] == SKIP && m && (m >> 8 || (r & 0xFF) == 0)) {
         i64 bits = m & a >> 8;
         /* What pins and an unknown timer say is chosen for one instruction, a bit of a register for good. */
-        bool passes = is_port(slot) || slot == TMR0 || (slot == INTCON && (s[TMR0] >> 8 || bits & (INTF | RBIF)));
+        bool passes = is_port(slot) || slot == TMR0
+            || (slot == INTCON && (s[TMR0] >> 8 || bits & (INTF | RBIF)));
         return ask(s, passes ? CHOSEN : slot, bits);
     }
     if (row[TO_F] && slot == PCL) {
@@ -519,8 +521,8 @@ static i64 leave(i64 *s, bool retfie)
     return GOES_ON;
 }
 
-/* Returns whether a listed state can describe this one: it has no time of a timer that stands still, no interrupt
-   under way, and no keys in EECON2. */
+/* Returns whether a listed state can describe this one: it has no time of a timer that stands still, no
+   interrupt under way, and no keys in EECON2. */
 i64 at_rest(const i64 *s)
 {
     bool keys = s[KEYS] > 0 && s[CYCLE] <= s[KEY_AT] + 2;
@@ -534,8 +536,8 @@ static void note_read(i64 *used, i64 slot)
         used[slot] = READ;
 }
 
-/* Sets PC and the cycle after the instruction `row`, whose result `r` went to `slot`; returns `reason`, or why the
-   stack ends the run. */
+/* Sets PC and the cycle after the instruction `row`, whose result `r` went to `slot`; returns `reason`, or
+   why the stack ends the run. */
 static i64 go_on(i64 *s, const i64 *row, const Board *board, i64 slot, i64 r, i64 reason)
 {
     i64 flow = row[FLOW], after = (s[PC] + 1) & 0x3FF;
@@ -608,8 +610,8 @@ static i64 execute(i64 *s, i64 *used, const Edges *edges, const Memory *memory, 
     return go_on(s, row, board, slot, r, reason);
 }
 
-/* Runs to the next cut, fork, frame or last edge of a frame, and returns the reason; the instruction at PC is not
-   executed.
+/* Runs to the next cut, fork, frame or last edge of a frame, and returns the reason; the instruction at PC is
+   not executed.
 
    Notes in `used` which of W and the RAM were read before they were written, and which were written. The run
    depends on no others of these bytes, and changes none but the written ones. */

@@ -1,10 +1,10 @@
-/* The instruction loop, in four variants: plain, with observation, with tracking of unknown values, and noting
-   the state at breakpoints.
+/* The instruction loop, in four variants: plain, with observation, with tracking of unknown values, and
+   noting the state at breakpoints.
 
-   In: the state, the program, events from outside. Out: the state later, edges in a buffer, and the reason why
-   it stopped. `observed` counts and traces every instruction; `tracked` tracks unknown values through each
-   (unknown.h); with `visits` the loop does not return at a breakpoint, but copies the state to the trace and
-   continues. Each is constant in a variant, so that the compiler removes what it does not need. */
+   In: the state, the program, events from outside. Out: the state later, edges in a buffer, and the reason
+   why it stopped. `observed` counts and traces every instruction; `tracked` tracks unknown values through
+   each (unknown.h); with `visits` the loop does not return at a breakpoint, but copies the state to the trace
+   and continues. Each is constant in a variant, so that the compiler removes what it does not need. */
 
 #include <string.h>
 

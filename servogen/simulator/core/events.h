@@ -1,8 +1,8 @@
 /* Events that instructions do not cause: stimuli, time-outs, interrupts, resets and sleep, and their times.
 
-   Between two calls of `service_interrupts` the instruction loop runs freely, up to the cycle in `horizon`: the
-   first cycle at whose start one of these events could be due. An instruction that changes these times ends the
-   free run itself. */
+   Between two calls of `service_interrupts` the instruction loop runs freely, up to the cycle in `horizon`:
+   the first cycle at whose start one of these events could be due. An instruction that changes these times
+   ends the free run itself. */
 
 #ifndef EVENTS_H
 #define EVENTS_H
@@ -113,8 +113,8 @@ static void watchdog_in_doubt(Chip *s)
     s->wdt_earliest = NEVER;
 }
 
-/* Processes everything that is due by now in order of cycles, a stimulus before other events of its cycle, and
-   then waking. */
+/* Processes everything that is due by now in order of cycles, a stimulus before other events of its cycle,
+   and then waking. */
 static void deliver_events(Chip *s, i64 *edges, const i64 *stim)
 {
     for (;;) {

@@ -26,7 +26,8 @@ typedef struct {
     i64 horizon; /* the cycle up to which the loop runs freely */
 } Cpu;
 
-/* The operand of an instruction on a file register: its place and what is read there, with its unknown bits. */
+/* The operand of an instruction on a file register: its place and what is read there, with its unknown bits.
+   */
 typedef struct {
     i64 address, slot, v, vu;
 } Operand;

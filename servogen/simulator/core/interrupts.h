@@ -1,7 +1,7 @@
 /* Interrupt flags, enables and the moment at which they are sampled.
 
-   DS35007 section 6.8 (INTCON, section 2.3.3), timing DS30430 figures 6-4 and 8-17: the flags are sampled in Q1
-   of every cycle. Sampled true in cycle n, the instruction of cycle n still executes, and the one at 0004h
+   DS35007 section 6.8 (INTCON, section 2.3.3), timing DS30430 figures 6-4 and 8-17: the flags are sampled in
+   Q1 of every cycle. Sampled true in cycle n, the instruction of cycle n still executes, and the one at 0004h
    executes in cycle n + 3, whatever the length of the former. `irq_at` is that n, or NEVER. */
 
 #ifndef INTERRUPTS_H
@@ -17,7 +17,8 @@ static inline bool requested(const Chip *s)
     return (s->intcon >> 3 & s->intcon & 7) || (s->intcon & EEIE && s->eecon1 & EEIF);
 }
 
-/* Updates the sampling after flags or enables have changed in `cycle`; what was sampled before remains valid. */
+/* Updates the sampling after flags or enables have changed in `cycle`; what was sampled before remains valid.
+   */
 static void note_flags(Chip *s, i64 cycle)
 {
     if (s->intcon_unknown)

@@ -1,10 +1,10 @@
 /* The memo of regions that only count: their effect for every state that they depend on.
 
-   A row of the memo holds the key (PC, W, STATUS, and the unknown bits of the latter two), the registers before,
-   the cycles taken, the key after and the registers after. Regions with unknown bytes of RAM are not memoized. A
-   region is executed in one step only if it ends before any event can happen, so that the step has the same
-   effect as the single instructions. regions.py finds the regions: `regions` has, for each, the number of its
-   RAM bytes and their addresses. */
+   A row of the memo holds the key (PC, W, STATUS, and the unknown bits of the latter two), the registers
+   before, the cycles taken, the key after and the registers after. Regions with unknown bytes of RAM are not
+   memoized. A region is executed in one step only if it ends before any event can happen, so that the step
+   has the same effect as the single instructions. regions.py finds the regions: `regions` has, for each, the
+   number of its RAM bytes and their addresses. */
 
 #ifndef MEMO_H
 #define MEMO_H
@@ -41,8 +41,8 @@ static inline i64 pack_registers(const Chip *s, const i64 *regions, i64 region)
 /* Returns the only row that can hold the region's effect for this state. */
 static inline Effect *effect_of(Effect *memo, i64 key, i64 registers)
 {
-    /* Two odd multipliers and a fold of the upper bits: neighbouring keys fall into different rows. A collision
-       replaces the row, which costs time only, because the whole key is compared. */
+    /* Two odd multipliers and a fold of the upper bits: neighbouring keys fall into different rows. A
+       collision replaces the row, which costs time only, because the whole key is compared. */
     uint64_t mixed = (uint64_t)key * 0x1E3779B97F4A7C15 ^ (uint64_t)registers * 0x2545F4914F6CDD1D;
     return memo + ((mixed ^ mixed >> 29) & (MEMO_ROWS - 1));
 }

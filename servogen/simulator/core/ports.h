@@ -1,8 +1,8 @@
 /* Ports A and B: output latches, direction, the levels of the pins, and the resulting edges.
 
-   DS35007 section 4. A latch and a pin are two things: an instruction reads the pin, and writes the latch. RA4
-   is an open drain (section 4.1): with its latch at 1 nothing drives it. Levels of pins that nobody drives:
-   port B's weak pull-ups when RBPU is 0 (section 4.2), else `floating`. */
+   DS35007 section 4. A latch and a pin are two things: an instruction reads the pin, and writes the latch.
+   RA4 is an open drain (section 4.1): with its latch at 1 nothing drives it. Levels of pins that nobody
+   drives: port B's weak pull-ups when RBPU is 0 (section 4.2), else `floating`. */
 
 #ifndef PORTS_H
 #define PORTS_H
@@ -14,7 +14,7 @@ enum {
     PORT_A = 0x1F, /* the bits of each port in a port word; layout.py has PORT_B */
     B_SHIFT = 5,
     PIN_COUNT = 13,
-    T0CKI_DELAY = 1, /* cycles from an edge of T0CKI to its count: 3 to 7 oscillator periods (DS30430 figure 6-5) */
+    T0CKI_DELAY = 1, /* cycles from an edge of T0CKI to its count: 3 to 7 oscillator periods (figure 6-5) */
 };
 
 /* Returns the pins with a pull-up that is on. */
@@ -159,8 +159,8 @@ RARE void drive_unknown(Chip *s, i64 pins)
 /* Evaluates a write, in `cycle`, to the latch or direction of these pins, of which some are driven with an
    unknown level.
 
-   Before the first pulse, a pin that is written low after at most GLITCH cycles is accepted: no chip made more
-   than a glitch. */
+   Before the first pulse, a pin that is written low after at most GLITCH cycles is accepted: no chip made
+   more than a glitch. */
 RARE void settle_unknown(Chip *s, i64 cycle, i64 pins)
 {
     i64 waiting = s->driven_unknown & pins;

@@ -74,7 +74,8 @@ static void write_intcon(Chip *s, i64 address, i64 at, i64 value, i64 unknown)
     note_flags(s, at + 1);
 }
 
-/* Writes a register; returns whether events or interrupts may have moved, so that the loop must check them again.
+/* Writes a register; returns whether events or interrupts may have moved, so that the loop must check them
+   again.
 
    `unknown` holds the unknown bits of `value`. */
 CALLED bool write_register(Chip *s, i64 *edges, i64 address, i64 at, i64 value, i64 unknown)

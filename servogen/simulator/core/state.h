@@ -1,8 +1,8 @@
-/* The state of the chip, and where a function that is rarely called stands.
+/* The state of the chip, and how functions are compiled: inlined, called, or rarely called.
 
-   All of it is one struct of 64-bit integers, which Python sees as a vector: layout.py has its table, with what
-   each field means, and layout.h is made from that table. Times are cycles; a port is 13 bits wide, bit n being
-   pin n of `edges.PINS`. */
+   All of it is one struct of 64-bit integers, which Python sees as a vector: layout.py has its table, with
+   what each field means, and layout.h is made from that table. Times are cycles; a port is 13 bits wide, bit
+   n being pin n of `edges.PINS`. */
 
 #ifndef STATE_H
 #define STATE_H

@@ -4,11 +4,11 @@
    `prescaler` are what the counters held at the anchor `t0_at`, and with the internal clock the rest follows
    from the cycle. Before the anchor (the two cycles after a write) the timer stands still.
 
-       write in cycle c      c+1   c+2   c+3   c+4     an instruction reads NT0 in three cycles and then NT0 + 1,
-       TMR0 read     NT0 ->  NT0   NT0   NT0   NT0+1   so the anchor is c + 3 (DS30430 figures 6-2 and 6-3)
+     write in cycle c      c+1   c+2   c+3   c+4     an instruction reads NT0 in three cycles, then NT0 + 1:
+     TMR0 read     NT0 ->  NT0   NT0   NT0   NT0+1   the anchor is c + 3 (DS30430 figures 6-2 and 6-3)
 
-   T0IF is set by the clock that takes TMR0 from FFh to 00h, three oscillator periods before the register changes
-   (DS30430 figure 6-4, note 4): it is read as set one cycle before TMR0 is first read as 00h.
+   T0IF is set by the clock that takes TMR0 from FFh to 00h, three oscillator periods before the register
+   changes (DS30430 figure 6-4, note 4): it is read as set one cycle before TMR0 is first read as 00h.
 
    The data sheets do not specify when TMR0 begins to count with a clock that OPTION_REG has just selected: it
    first stands still for `t0_phase` cycles. */
@@ -54,7 +54,8 @@ static inline i64 t0_flag_at(const Chip *s)
     return due;
 }
 
-/* Returns the cycle in which T0IF next becomes set or, if TMR0's value is unknown, could become set; or NEVER.
+/* Returns the cycle in which T0IF next becomes set or, if TMR0's value is unknown, could become set; or
+   NEVER.
 
    Once a use of an unknown value has been noted, possible settings no longer matter. */
 static inline i64 t0_news_at(const Chip *s)

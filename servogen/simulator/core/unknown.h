@@ -1,19 +1,19 @@
 /* Values that differ between chips, and their first use.
 
-   DS35007 table 6-4 marks with "x" what a power-on reset leaves undefined: RAM, W, FSR, TMR0, the port latches,
-   EEDATA, EEADR, the bits C, DC, Z, WRERR and RBIF. An undriven pin may also read as either level. The simulator
-   gives all of these a value, and a mask of the bits that could differ. The mask follows the data through every
-   instruction: a bit of a result is known if no choice of the unknown bits changes it, as far as a single
-   instruction shows. Copying unknown bits is harmless; only a *use* matters, by which they affect the program's
-   path, its timing or its pins (its kind: layout.py). The first use is kept.
+   DS35007 table 6-4 marks with "x" what a power-on reset leaves undefined: RAM, W, FSR, TMR0, the port
+   latches, EEDATA, EEADR, the bits C, DC, Z, WRERR and RBIF. An undriven pin may also read as either level.
+   The simulator gives all of these a value, and a mask of the bits that could differ. The mask follows the
+   data through every instruction: a bit of a result is known if no choice of the unknown bits changes it, as
+   far as a single instruction shows. Copying unknown bits is harmless; only a *use* matters, by which they
+   affect the program's path, its timing or its pins (its kind: layout.py). The first use is kept.
 
-   An unknown byte travels as one integer of 16 bits: the mask, and above it the source (layout.py) of one of its
-   unknown bits, for the message.
+   An unknown byte travels as one integer of 16 bits: the mask, and above it the source (layout.py) of one of
+   its unknown bits, for the message.
 
-   One kind of unknown byte carries more: PHASED means that the byte is its value plus phi, modulo 256, where phi
-   is one unknown number for the whole chip. The prover sets TMR0 and the bytes that follow it so, and thereby
-   compares them without knowing either: phased - phased is a known number. Instructions that cannot keep this
-   relation make an ordinary unknown byte of it. */
+   One kind of unknown byte carries more: PHASED means that the byte is its value plus phi, modulo 256, where
+   phi is one unknown number for the whole chip. The prover sets TMR0 and the bytes that follow it so, and
+   thereby compares them without knowing either: phased - phased is a known number. Instructions that cannot
+   keep this relation make an ordinary unknown byte of it. */
 
 #ifndef UNKNOWN_H
 #define UNKNOWN_H
@@ -140,7 +140,8 @@ static inline void timer_flag_in_doubt(Chip *s)
         s->intcon_unknown |= T0IF;
 }
 
-/* Notes that inputs among `pins` (a port word) have no known level, so that noise may set INTF or clock TMR0. */
+/* Notes that inputs among `pins` (a port word) have no known level, so that noise may set INTF or clock TMR0.
+   */
 static inline void flags_in_doubt(Chip *s, i64 pins)
 {
     if (pins & RB0 && !(s->intcon & INTF & ~s->intcon_unknown))

@@ -10,10 +10,11 @@ void results(i64 op, i64 (*table)[256])
             table[x][a] = known(op, a, x);
 }
 
-/* Executes one instruction from `start` for each row (W, the byte at 0x20, STATUS) of `inputs`; in `out` are these
-   three, PC, the cycle and GIE. */
+/* Executes one instruction from `start` for each row (W, the byte at 0x20, STATUS) of `inputs`; in `out` are
+   these three, PC, the cycle and GIE. */
 void execute_each(
-    const i64 *start, const Memory *memory, const Board *board, i64 count, const i64 (*inputs)[3], i64 (*out)[6])
+    const i64 *start, const Memory *memory, const Board *board, i64 count, const i64 (*inputs)[3],
+    i64 (*out)[6])
 {
     const Edges none = {0, start, start};
     for (i64 i = 0; i < count; i++) {
