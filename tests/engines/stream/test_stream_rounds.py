@@ -1,4 +1,4 @@
-"""What one word of a stream's interrupt does to its time (DS35007 section 5), and what a round leaves the C."""
+"""What a word of a stream's interrupt does to its time (DS35007 section 5), and what a round leaves the C."""
 
 from __future__ import annotations
 
