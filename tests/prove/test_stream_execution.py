@@ -37,7 +37,7 @@ def begun(
 
 
 def stepped(one: Execution, state: SymbolicState) -> SymbolicState:
-    (after,) = one._step(state)
+    (after,) = one.step(state)
     return after
 
 
@@ -163,7 +163,7 @@ def test_a_counter_skips_only_where_it_becomes_0(name: str, step: int, last: int
 
 def test_what_is_unknown_goes_both_ways_if_both_are_possible() -> None:
     one, state = begun(encode("BTFSS", f=RAM, b=3))
-    ways = list(one._step(state))
+    ways = list(one.step(state))
     assert sorted(way.pc for way in ways) == [AT + 1, AT + 2]
     for way in ways:
         bit = one.at_first(RAM).bit(3)
@@ -171,9 +171,9 @@ def test_what_is_unknown_goes_both_ways_if_both_are_possible() -> None:
         assert one.solver.possible(way.path & ~bit) == (way.pc == AT + 1)
     one, state = begun(encode("BTFSS", f=RAM, b=3))
     one.given = one.at_first(RAM).less(8)
-    assert [way.pc for way in one._step(state)] == [AT + 1]
+    assert [way.pc for way in one.step(state)] == [AT + 1]
     one, state = begun(encode("INCFSZ", f=RAM, d=1))
-    assert sorted(way.pc for way in one._step(state)) == [AT + 1, AT + 2]
+    assert sorted(way.pc for way in one.step(state)) == [AT + 1, AT + 2]
 
 
 def test_a_jump_a_call_and_a_return_lead_where_they_should() -> None:
@@ -195,7 +195,7 @@ def test_a_jump_a_call_and_a_return_lead_where_they_should() -> None:
 @pytest.mark.parametrize(
     ("f", "bank", "place"),
     [
-        *((f, bank, f) for f in (PCL, STATUS, FSR, PCLATH, INTCON, 0x0C, 0x4F) for bank in (0, 1)),
+        *((f, bank, f) for f in (STATUS, FSR, PCLATH, INTCON, 0x0C, 0x4F) for bank in (0, 1)),
         *((f, 0, f) for f in (TMR0, PORTA, PORTB, EEDATA, EEADR)),
         (TMR0, 1, OPTION),
         (PORTA, 1, TRISA),
@@ -206,22 +206,26 @@ def test_a_jump_a_call_and_a_return_lead_where_they_should() -> None:
 )
 def test_rp0_selects_the_bank(f: int, bank: int, place: int) -> None:
     """DS35007 figure 2-2: what is in both banks, and what is not."""
-    one, state = begun(0)
+    one, state = begun(encode("MOVF", f=f, d=0))
     state.bank = bank
-    assert [place for _, place in one._place(state, f)] == [place]
+    stepped(one, state)
+    assert one.reads == {place}
     # FSR addresses the same, with its bit 7 as the bank, whatever RP0 is.
+    one, state = begun(encode("MOVF", f=INDF, d=0), {FSR: byte(f | bank << 7)})
     state.bank = 1 - bank
-    state.bytes[FSR] = byte(f | bank << 7)
-    assert [place for _, place in one._place(state, INDF)] == [place]
+    stepped(one, state)
+    assert one.reads == {place}
 
 
 def test_an_unknown_pointer_is_followed_to_each_place() -> None:
-    one, state = begun(0)
-    one.given = ~one.at_first(FSR).less(0x10) & one.at_first(FSR).less(0x13)
-    ways = {place: way for way, place in one._place(state, INDF)}
-    assert sorted(ways) == [0x10, 0x11, 0x12]
-    for place, way in ways.items():
-        assert not one.solver.possible(one.given & way.path & ~one.at_first(FSR).equals(place))
+    one, state = begun(encode("MOVF", f=INDF, d=0))
+    pointer = one.at_first(FSR)
+    one.given = ~pointer.less(0x10) & pointer.less(0x13)
+    ways = list(one.step(state))
+    assert len(ways) == 3 and one.reads == {0x10, 0x11, 0x12}
+    for way, place in itertools.product(ways, one.reads):
+        read = way.w.equals(one.at_first(place))
+        assert not one.solver.possible(one.given & way.path & pointer.equals(place) & ~read)
 
 
 def test_status_is_put_together_from_its_flags_and_the_bank() -> None:
@@ -291,24 +295,29 @@ def test_a_bit_of_a_port_changes_its_latch_only() -> None:
 
 
 def test_registers_without_content_read_as_0() -> None:
-    one, state = begun(0)
-    state.w = byte(9)
-    assert one._read(state, EECON2).value == 0
-    assert one._read(state, INDF).value == 0 and one._read(state, 0x80).value == 0
-    assert one._read(state, 0x07).value == 0 and one._read(state, 0x50).value == 0
-    assert one._read(state, 0x4F).value is None and one._read(state, 0x0C).value is None
+    def through_the_pointer(name: str, place: int) -> tuple[Execution, SymbolicState]:
+        one, state = begun(encode(name, f=INDF), {FSR: byte(place)})
+        state.w = byte(9)
+        return one, stepped(one, state)
+
+    for place in (INDF, 0x80, EECON2, 0x07, 0x50):
+        assert through_the_pointer("MOVF", place)[1].w.value == 0
+    for place in (0x4F, 0x0C):
+        assert through_the_pointer("MOVF", place)[1].w.value is None
     for place in (INDF, 0x80, EECON2):
-        one._write(state, place, byte(5))
-        assert place not in state.bytes and place in one.writes
+        one, after = through_the_pointer("MOVWF", place)
+        assert place not in after.bytes and place in one.writes
+    one, state = begun(encode("BTFSC", f=PCL, b=0))
     with pytest.raises(NotFollowed, match=r"^PCL is read at 0x040$"):
-        one._read(state, PCL)
+        stepped(one, state)
 
 
 def test_the_flags_of_intcon_are_never_known() -> None:
-    one, state = begun(0, {INTCON: byte(0b1010_0111)})
-    read = one._read(state, INTCON)
+    one, state = begun(encode("MOVF", f=INTCON, d=0), {INTCON: byte(0b1010_0111)})
+    read = stepped(one, state).w
     assert read[3:8].value == 0b10100 and all(read.bit(n).known is None for n in range(3))
-    assert one._operand(state, execution.word_of(encode("BSF", f=INTCON, b=7)), INTCON).value == 0b1010_0111
+    one, state = begun(encode("BSF", f=INTCON, b=3), {INTCON: byte(0b1010_0111)})
+    assert one.byte(stepped(one, state), INTCON).value == 0b1010_1111, "a bit that changes leaves the others"
 
 
 def test_a_computed_jump_goes_to_each_target() -> None:
@@ -318,7 +327,7 @@ def test_a_computed_jump_goes_to_each_target() -> None:
     assert stepped(one, state).pc == 0x200 + AT + 4
     state.w = unknown("W")
     one.given = state.w.less(3)
-    assert sorted(way.pc for way in one._step(state)) == [0x241, 0x242, 0x243]
+    assert sorted(way.pc for way in one.step(state)) == [0x241, 0x242, 0x243]
     one, state = begun(encode("ADDWF", f=PCL, d=1))
     with pytest.raises(NotFollowed, match=r"^PCLATH is not known at 0x040$"):
         stepped(one, state)
@@ -469,8 +478,9 @@ def test_whether_a_write_is_under_way_is_not_known() -> None:
     assert after.w[2:8].value == 0b111 and len(one.busy) == 1
     assert one.solver.possible(after.w.bit(1)) and one.solver.possible(~after.w.bit(1))
     assert not one.solver.possible(one.busy[0] & ~after.w.bit(1))
-    operand = one._operand(state, execution.word_of(START_WRITE), EECON1)
-    assert operand.value == 0b1_1100, "an instruction of one bit starts neither a read nor a write"
+    one, state = eeprom({AT: encode("BSF", f=8, b=2)}, eecon1=0b1_1011)
+    after = stepped(one, state)
+    assert one.byte(after, EECON1).value == 0b1_1100, "another bit starts neither a read nor a write"
 
 
 # runs

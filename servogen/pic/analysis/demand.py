@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 
+from servogen.graph import reached
 from servogen.pic.analysis.state import Place, bit, bits
 from servogen.pic.device import RAM_FIRST, RAM_LAST
 from servogen.pic.known_values import CARRY, FSR, INDF, DecodedWord, Undefined, W, word_of
@@ -120,21 +121,21 @@ class Graph:
     def _given_what_is_free(self) -> int:
         """Follow, forward, where W holds what is not followed."""
         free = 0
-        holds_free: dict[Node, bool] = {}
-        waiting = list(self._visits)
-        while waiting:
-            node = waiting.pop()
-            holds = holds_free.setdefault(node, False)
+
+        def given(at: tuple[Node, bool]) -> list[tuple[Node, bool]]:
+            """Return where W holds what is not followed after a node, before which it may hold it."""
+            nonlocal free
+            node, holds = at
             word = self._words.get(node[0])
-            places = self._visits[node].places
+            visit = self._visits[node]
             if word is not None:
                 if word.writes_f and holds and "W" in word.reads:
-                    free |= bits(place for place in places if place is not None)
-                holds = _holds_free(word, places, before=holds)
-            for follower in self._visits[node].followers & self._visits.keys():
-                if holds and not holds_free.get(follower, False):
-                    holds_free[follower] = True
-                    waiting.append(follower)
+                    free |= bits(place for place in visit.places if place is not None)
+                holds = _holds_free(word, visit.places, before=holds)
+            return [(follower, True) for follower in visit.followers & self._visits.keys() if holds]
+
+        for _ in reached([(node, False) for node in self._visits], given):
+            pass
         return free
 
 

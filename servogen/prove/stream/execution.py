@@ -158,7 +158,7 @@ class Execution:
             # before the code after it is executed.
             heapq.heappush(waiting, (-len(state.stack), state.pc, number))
 
-        for following in self._step(start):
+        for following in self.step(start):
             add(following)
         for _ in range(MAX_STEPS):
             if not waiting:
@@ -167,7 +167,7 @@ class Execution:
             if state.pc == RETURNED or (state.pc in stops and (anywhere or len(state.stack) <= depth)):
                 reached.append(state)
                 continue
-            for following in self._step(state):
+            for following in self.step(state):
                 add(following)
         raise NotFollowed(f"the program does not come to an end, at 0x{start.pc:03X}")
 
@@ -313,7 +313,7 @@ class Execution:
 
     # instructions
 
-    def _step(self, state: SymbolicState) -> Iterator[SymbolicState]:
+    def step(self, state: SymbolicState) -> Iterator[SymbolicState]:
         """Yield the states after one instruction."""
         try:
             word = word_of(self.words[state.pc])
