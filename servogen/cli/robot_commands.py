@@ -1,6 +1,6 @@
 """Commands of robots: robots, fk, ik, jacobian, statics, mobility, transform, orientation, differential.
 
-Arguments are degrees and millimetres; JSON is radians and metres.
+Arguments are degrees and millimetres; JSON has radians and metres, the unit in each name.
 """
 
 from __future__ import annotations
@@ -411,12 +411,15 @@ def orientation(
         as_json(answer)
         return
     rows = [
-        (order.lower() + (" (rpy)" if order == "ZYX" else ""), *map(_degrees, (one, answer["second"][order])))
-        for order, one in answer["angles"].items()
+        (
+            order.lower() + (" (rpy)" if order == "ZYX" else ""),
+            *map(_degrees, (one, answer["second_rad"][order])),
+        )
+        for order, one in answer["angles_rad"].items()
     ]
     table("Angles, degrees", ("order", "angles", "second solution"), rows)
     print("axis        " + "  ".join(f"{value:z.6f}" for value in answer["axis"]))
-    print(f"angle       {degrees(answer['angle']):z.4f}°")
+    print(f"angle       {degrees(answer['angle_rad']):z.4f}°")
     print("quaternion  " + "  ".join(f"{value:z.6f}" for value in answer["quaternion"]))
     _print_matrix(answer["matrix"])
 
@@ -487,7 +490,7 @@ def _print_details(details: dict[str, Any]) -> None:
                 (
                     joint["name"],
                     joint["kind"],
-                    *(_joint_value(joint, joint[key]) for key in ("lower", "upper", "home")),
+                    *(_joint_value(joint, key) for key in ("lower", "upper", "home")),
                 )
                 for joint in arm["joints"]
             ],
@@ -495,10 +498,10 @@ def _print_details(details: dict[str, Any]) -> None:
         rows = [
             (
                 row["joint"] or "fixed",
-                f"{degrees(row['theta']):zg}°",
+                f"{degrees(row['theta_rad']):zg}°",
                 row["d"],
                 row["a"],
-                f"{degrees(row['alpha']):zg}°",
+                f"{degrees(row['alpha_rad']):zg}°",
             )
             for row in arm["rows"]
         ]
@@ -526,5 +529,6 @@ def _print_details(details: dict[str, Any]) -> None:
         table("Wheels at equal speed", ("wheels", "motion", "direction °", "turns", "circle, radius"), rows)
 
 
-def _joint_value(joint: dict[str, Any], value: float) -> str:
-    return f"{degrees(value):zg}°" if joint["kind"] == "turning" else f"{1000 * value:zg} mm"
+def _joint_value(joint: dict[str, Any], key: str) -> str:
+    turning = joint["kind"] == "turning"
+    return f"{degrees(joint[f'{key}_rad']):zg}°" if turning else f"{1000 * joint[f'{key}_m']:zg} mm"

@@ -23,21 +23,22 @@ def arm_details(arm: Arm) -> Answer:
             {
                 "name": joint.name,
                 "kind": joint.kind,
-                "lower": joint.lower,
-                "upper": joint.upper,
-                "home": joint.home,
-                "speed": joint.speed,
+                f"lower_{unit}": joint.lower,
+                f"upper_{unit}": joint.upper,
+                f"home_{unit}": joint.home,
+                f"speed_{unit}_s": joint.speed,
             }
             for joint in arm.joints
+            for unit in ("rad" if joint.kind == "turning" else "m",)
         ],
         "rows": [
             {
                 "joint": None if row.joint is None else arm.joints[row.joint].name,
                 "ratio": row.ratio,
-                "theta": row.theta,
+                "theta_rad": row.theta,
                 "d": length_text(row.d),
                 "a": length_text(row.a),
-                "alpha": row.alpha,
+                "alpha_rad": row.alpha,
             }
             for row in arm.rows
         ],

@@ -379,10 +379,10 @@ def orientation_answer(form: str, values: Sequence[float]) -> Answer:
     rotation = _rotation_of(name, _finite(values))
     axis, angle = to_axis_angle(rotation)
     return {
-        "angles": {order: _plain(to_angles(rotation, order)) for order in ORDERS},
-        "second": {order: _plain(to_angles(rotation, order, second=True)) for order in ORDERS},
+        "angles_rad": {order: _plain(to_angles(rotation, order)) for order in ORDERS},
+        "second_rad": {order: _plain(to_angles(rotation, order, second=True)) for order in ORDERS},
         "axis": _plain(axis),
-        "angle": float(angle),
+        "angle_rad": float(angle),
         "quaternion": _plain(to_quaternion(rotation)),
         "matrix": _plain(rotation),
     }

@@ -16,7 +16,6 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from math import radians
 
 from servogen.errors import InputError, Location
 from servogen.movemaster.language import WORD
@@ -48,9 +47,9 @@ class ToolPose:
         return ToolPose(*(factor * value for value in self.values))
 
     def to_json(self) -> dict[str, object]:
-        """Return the pose in metres and radians."""
+        """Return the pose in metres and degrees."""
         position = [self.x / 1000, self.y / 1000, self.z / 1000]
-        return {"position_m": position, "pitch": radians(self.p), "roll": radians(self.r)}
+        return {"position_m": position, "pitch_deg": self.p, "roll_deg": self.r}
 
     def __str__(self) -> str:
         x, y, z, p, r = (f"{value:z.1f}" for value in self.values)

@@ -36,11 +36,11 @@ class JointFacts:
     def to_json(self) -> dict[str, object]:
         return {
             "name": self.name,
-            "minimum": self.minimum,
-            "maximum": self.maximum,
-            "lower_limit": self.limits[0],
-            "upper_limit": self.limits[1],
-            "peak_speed": self.speed,
+            "minimum_deg": math.degrees(self.minimum),
+            "maximum_deg": math.degrees(self.maximum),
+            "lower_limit_deg": math.degrees(self.limits[0]),
+            "upper_limit_deg": math.degrees(self.limits[1]),
+            "peak_speed_deg_s": math.degrees(self.speed),
         }
 
 
@@ -121,7 +121,7 @@ def diagram(gait: Gait) -> dict[str, str]:
 def walk_to_json(
     robot: WalkingRobot, rhythm: Gait, planned: Walk, facts: GaitFacts, loads: Loads | None
 ) -> dict[str, object]:
-    """Return the walk in metres, radians, seconds and N·m."""
+    """Return the walk; the units are in the names."""
     worst, slip = loads.worst if loads else None, planned.slip
     return {
         "robot": robot.name,
@@ -154,11 +154,11 @@ def walk_to_json(
             "frame": facts.correction_frame,
         },
         "slip": {"largest_m": slip.metres, "leg": slip.leg, "frame": slip.frame},
-        "lost_motion": {"angle": planned.lost, "swing_beyond": planned.beyond},
-        "centres_of_rotation": [
+        "lost_motion": {"angle_deg": math.degrees(planned.lost), "swing_beyond": planned.beyond},
+        "centres_of_rotation_m": [
             None if centre is None else [centre.real, centre.imag] for centre in planned.centres
         ],
-        "held_back": [{"leg": held.leg, "angle": held.angle} for held in planned.held_back],
+        "held_back": [{"leg": held.leg, "angle_deg": math.degrees(held.angle)} for held in planned.held_back],
         "first_millimetre_m": planned.liftoff_slide_m,
         "torque": None
         if loads is None or worst is None

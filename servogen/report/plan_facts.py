@@ -8,6 +8,7 @@ In: a planned job and its pulses. Out: `PlanFacts` and its `ServoFacts`, in metr
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,17 +59,22 @@ class ServoFacts:
             "pin": servo.pin,
             "model": servo.model.name,
             "continuous": servo.model.continuous,
-            "minimum": self.minimum,
-            "maximum": self.maximum,
-            "lower_limit": servo.limits[0],
-            "upper_limit": servo.limits[1],
-            "peak_speed": self.speed,
+            "minimum_deg": math.degrees(self.minimum),
+            "maximum_deg": math.degrees(self.maximum),
+            "lower_limit_deg": math.degrees(servo.limits[0]),
+            "upper_limit_deg": math.degrees(servo.limits[1]),
+            "peak_speed_deg_s": in_degrees(self.speed),
             "peak_speed_frame": self.speed_frame,
-            "speed_limit": servo.model.speed,
-            "largest_step": self.step,
+            "speed_limit_deg_s": in_degrees(servo.model.speed),
+            "largest_step_deg": in_degrees(self.step),
             "step_needs_s": self.step_needs_s,
             "step_has_s": self.step_s,
         }
+
+
+def in_degrees(angle: float | None) -> float | None:
+    """Return an angle, or an angle a second, in degrees; None if it is not known."""
+    return None if angle is None else math.degrees(angle)
 
 
 def servo_facts(job: PlannedJob) -> tuple[ServoFacts, ...]:
@@ -176,8 +182,14 @@ class PlanFacts:
             "servos": [servo.to_json() for servo in self.servos],
             "error_of": "engine" if self.engine else "rounding",
             "ends": [self._end(end) for end in self.ends],
-            "rigid_legs_end": list(self.rigid_legs_end) if self.rigid_legs_end else None,
+            "rigid_legs_end": self._rigid_legs_end(),
         }
+
+    def _rigid_legs_end(self) -> dict[str, float] | None:
+        if self.rigid_legs_end is None:
+            return None
+        forward, left, turn = self.rigid_legs_end
+        return {"forward_m": forward, "left_m": left, "turn_deg": math.degrees(turn)}
 
     def _end(self, end: EndError) -> dict[str, object]:
         minimum, maximum = self.extent(end)

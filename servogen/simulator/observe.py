@@ -126,7 +126,7 @@ class Profile:
             "idle_cycles": self.idle,
             "coverage": self.coverage,
             "unexecuted": list(self.unexecuted),
-            "functions": {name: spent.cycles for name, spent in self.functions.items()},
+            "function_cycles": {name: spent.cycles for name, spent in self.functions.items()},
             "lines": [
                 {"file": file, "line": line, "cycles": spent.cycles, "executions": spent.executions}
                 for (file, line), spent in self.lines.items()

@@ -56,10 +56,10 @@ class Horn:
     def to_json(self) -> dict[str, object]:
         return {
             "servo": self.servo,
-            "used": list(self.used),
-            "whole": list(self.whole),
-            "zero": self.zero,
-            "centred_zero": self.zero + self.turn,
+            "used_deg": [math.degrees(end) for end in self.used],
+            "whole_deg": [math.degrees(end) for end in self.whole],
+            "zero_deg": math.degrees(self.zero),
+            "centred_zero_deg": math.degrees(self.zero + self.turn),
         }
 
 

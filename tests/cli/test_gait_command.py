@@ -98,7 +98,7 @@ def test_body_height_and_clearance_follow_from_the_legs_lengths(run: Run) -> Non
 
 def test_no_joint_is_faster_than_the_servo(run: Run) -> None:
     found = told(run, "--servo", "futaba-s3001")
-    assert max(joint["peak_speed"] for joint in found["joints"]) <= 1.8 * (1 + 1e-9)
+    assert max(joint["peak_speed_deg_s"] for joint in found["joints"]) <= math.degrees(1.8) * (1 + 1e-9)
     slow = told(run, "--cycle-s", 2)
     assert slow["cycle_s"] == 2
     assert slow["frames_per_cycle"] == 100
@@ -158,7 +158,7 @@ def test_one_leg_on_the_bench_has_no_stability(run: Run) -> None:
 def test_a_walk_that_goes_nowhere_stands(run: Run) -> None:
     found = told(run, "--stride-mm", 0)
     assert found["lift_m"] == 0
-    assert {joint["minimum"] for joint in found["joints"] if joint["name"].endswith("beta")} == {0}
+    assert {joint["minimum_deg"] for joint in found["joints"] if joint["name"].endswith("beta")} == {0}
     assert 1000 * found["stability"]["minimum_m"] == pytest.approx(90)  # half of the body's length
 
 

@@ -99,8 +99,8 @@ def test_the_plan_says_what_is_used_of_each_travel(run: Run, file: Path) -> None
     )
     ran = run("plan", str(file), "--json")
     horn = json.loads(ran.out)["horns"][0]
-    assert [round(math.degrees(end), 1) for end in horn["used"]] == [60.2, 139.8]
-    assert [round(math.degrees(horn[key]), 1) for key in ("zero", "centred_zero")] == [100, 90]
+    assert [round(end, 1) for end in horn["used_deg"]] == [60.2, 139.8]
+    assert [round(horn[key], 1) for key in ("zero_deg", "centred_zero_deg")] == [100, 90]
     shown = run("plan", str(file)).out
     assert re.search(r"base +0 to 180° +60\.2 to 139\.8°, 44 % +100 +90 ", shown)
 

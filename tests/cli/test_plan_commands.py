@@ -83,9 +83,9 @@ def test_plans_json_is_in_metres_radians_and_seconds(run: Run) -> None:
     assert tool["maximum_m"] == pytest.approx([0.5, 0.606, 0.45])
     assert 0 < tool["error"]["rms_m"] < tool["error"]["worst_m"] < 0.002
     shoulder = found["servos"][0]
-    assert shoulder["speed_limit"] == pytest.approx(1.8)
-    assert 0 < shoulder["peak_speed"] <= 1.8
-    assert (shoulder["lower_limit"], shoulder["upper_limit"]) == pytest.approx((0, math.pi))
+    assert shoulder["speed_limit_deg_s"] == pytest.approx(math.degrees(1.8))
+    assert 0 < shoulder["peak_speed_deg_s"] <= math.degrees(1.8)
+    assert (shoulder["lower_limit_deg"], shoulder["upper_limit_deg"]) == pytest.approx((0, 180))
     assert found["period_s"] == 0.02
 
 

@@ -159,9 +159,9 @@ def test_the_tables_of_a_gait_are_its_phases_and_its_joints(run: Run) -> None:
     assert len(found["joints"]) == 12
     for joint in found["joints"]:
         name, least, most, limits, peak = row(out, joint["name"])
-        assert float(least) == pytest.approx(joint["minimum"] / radians(1), abs=0.006), name
-        assert float(most) == pytest.approx(joint["maximum"] / radians(1), abs=0.006)
-        assert float(peak) == pytest.approx(joint["peak_speed"] / radians(1), abs=0.06)
+        assert float(least) == pytest.approx(joint["minimum_deg"], abs=0.006), name
+        assert float(most) == pytest.approx(joint["maximum_deg"], abs=0.006)
+        assert float(peak) == pytest.approx(joint["peak_speed_deg_s"], abs=0.06)
         assert limits == "-90 to 90"
     frames = found["frames_per_cycle"]
     assert f"a cycle: {frames} frames, {frames * 0.02:g} s" in out

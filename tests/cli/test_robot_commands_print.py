@@ -285,8 +285,8 @@ def test_transform_prints_a_matrix_and_perhaps_a_point(run: Run, answer: Answer)
 def test_orientation_prints_all_other_forms(run: Run, answer: Answer, tables: list[tuple[Any, ...]]) -> None:
     angles = {"ZYX": [pi / 2, 0, -pi], "ZYZ": [0, pi / 4, 0]}
     second = {"ZYX": [0, pi, 0], "ZYZ": [pi, 0, 0]}
-    value = {"axis": [0, 0.6, -0.8], "angle": pi / 3, "quaternion": [1, 0, 0, -0.5], "matrix": UNIT}
-    asked = answer("orientation_answer", {"angles": angles, "second": second, **value})
+    value = {"axis": [0, 0.6, -0.8], "angle_rad": pi / 3, "quaternion": [1, 0, 0, -0.5], "matrix": UNIT}
+    asked = answer("orientation_answer", {"angles_rad": angles, "second_rad": second, **value})
     assert run("orientation", "rpy", 1, 2, 3).out.splitlines() == [
         "axis        0.000000  0.600000  -0.800000",
         "angle       60.0000°",
@@ -339,12 +339,12 @@ def test_the_list_of_robots_is_a_table_or_json(
 
 
 JOINTS = [
-    {"name": "q1", "kind": "turning", "lower": -pi / 2, "upper": pi, "home": 0.0},
-    {"name": "q2", "kind": "sliding", "lower": 0.0, "upper": 0.2, "home": 0.0125},
+    {"name": "q1", "kind": "turning", "lower_rad": -pi / 2, "upper_rad": pi, "home_rad": 0.0},
+    {"name": "q2", "kind": "sliding", "lower_m": 0.0, "upper_m": 0.2, "home_m": 0.0125},
 ]
 ROWS = [
-    {"joint": "q1", "theta": pi / 2, "d": "l0", "a": "0", "alpha": -pi},
-    {"joint": None, "theta": 0.0, "d": "0", "a": "l1", "alpha": 0.0},
+    {"joint": "q1", "theta_rad": pi / 2, "d": "l0", "a": "0", "alpha_rad": -pi},
+    {"joint": None, "theta_rad": 0.0, "d": "0", "a": "l1", "alpha_rad": 0.0},
 ]
 ARM = {"joints": JOINTS, "rows": ROWS, "convention": "modified", "lengths_m": {"l0": 0.6, "l1": 0.0125}}
 

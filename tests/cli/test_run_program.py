@@ -3,7 +3,6 @@
 import json
 from collections.abc import Callable
 from fractions import Fraction
-from math import pi
 from pathlib import Path
 from typing import Any
 
@@ -43,12 +42,12 @@ def test_each_command_that_takes_time_is_a_row(app: typer.Typer, program: str) -
     assert "&05" in shown
 
 
-def test_json_is_in_metres_and_radians(app: typer.Typer, program: str) -> None:
+def test_json_is_in_metres_and_degrees(app: typer.Typer, program: str) -> None:
     answer = json.loads(CliRunner().invoke(app, ["run-program", program, "--input", "5=3", "--json"]).output)
     step = answer["steps"][0]
     assert (step["line"], step["command"]) == (10, "MO 1")
     assert step["position_m"] == pytest.approx([0, 0.3, 0.2])
-    assert (step["pitch"], step["roll"]) == pytest.approx((-pi / 2, pi / 2))
+    assert (step["pitch_deg"], step["roll_deg"]) == pytest.approx((-90, 90))
     assert answer["steps"][-1]["start_s"] + answer["steps"][-1]["duration_s"] == pytest.approx(5)
     assert answer["outputs"][0]["value"] == 5
     assert len(answer["final_joints"]) == len(answer["joints"]) == 5

@@ -52,13 +52,13 @@ def test_an_orientation_is_the_same_in_every_form() -> None:
     rotation = from_angles(np.radians(angles), "ZYX")
     answer = q.orientation_answer("rpy", angles)
     assert np.array(answer["matrix"]) == pytest.approx(rotation, abs=1e-15)
-    assert np.degrees(answer["angles"]["ZYX"]) == pytest.approx(angles)
+    assert np.degrees(answer["angles_rad"]["ZYX"]) == pytest.approx(angles)
     typed: list[tuple[str, list[float]]] = [
-        ("axis_angle", [*answer["axis"], math.degrees(answer["angle"])]),
-        ("AXIS-ANGLE", [2 * each for each in answer["axis"]] + [math.degrees(answer["angle"])]),
+        ("axis_angle", [*answer["axis"], math.degrees(answer["angle_rad"])]),
+        ("AXIS-ANGLE", [2 * each for each in answer["axis"]] + [math.degrees(answer["angle_rad"])]),
         ("quaternion", [-3 * each for each in answer["quaternion"]]),
         ("matrix", np.ravel(answer["matrix"]).tolist()),
-        *((order, np.degrees(answer["second"][order]).tolist()) for order in answer["second"]),
+        *((order, np.degrees(answer["second_rad"][order]).tolist()) for order in answer["second_rad"]),
     ]
     for form, values in typed:
         again = q.orientation_answer(form, values)

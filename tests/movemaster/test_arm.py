@@ -340,8 +340,8 @@ def test_the_answer_of_a_run_is_in_seconds_metres_and_radians(ran: Ran) -> None:
     assert (wait["line"], wait["command"], wait["start_s"], wait["duration_s"]) == (10, "TI 10", 0.02, 1.0)
     assert (wait["hand"], move["hand"]) == ("open", "closed")
     assert move["position_m"] == pytest.approx([0.25, 0.2, 0.35])
-    assert move["pitch"] == pytest.approx(math.radians(-60))
-    assert move["roll"] == pytest.approx(math.radians(20))
+    assert move["pitch_deg"] == pytest.approx(-60)
+    assert move["roll_deg"] == pytest.approx(20)
     assert answer["outputs"] == [{"time_s": 1.02, "value": 5, "strobe": True}]
     assert answer["positions"]["1"]["position_m"] == [0.25, 0.2, 0.35]  # type: ignore[index]
     assert answer["counters"] == {"3": 7}

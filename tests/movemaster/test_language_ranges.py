@@ -242,8 +242,8 @@ def test_poses_add_and_scale_by_component() -> None:
     assert str(ToolPose(1.26, -0.04, 3.0, -90.0, 5.55)) == "(1.3, 0.0, 3.0) mm, pitch -90.0°, roll 5.5°"
     assert ToolPose(100.0, -200.0, 300.0, 180.0, -90.0).to_json() == {
         "position_m": [0.1, -0.2, 0.3],
-        "pitch": pytest.approx(3.14159265),
-        "roll": pytest.approx(-1.57079633),
+        "pitch_deg": 180.0,
+        "roll_deg": -90.0,
     }
 
 

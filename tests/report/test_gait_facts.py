@@ -85,11 +85,11 @@ def test_joints_have_their_range_and_their_greatest_speed_around_the_loop(robot:
     assert (first.speed, second.speed) == (pytest.approx(15), pytest.approx(25))
     assert first.to_json() == {
         "name": "a",
-        "minimum": 0.0,
-        "maximum": 0.4,
-        "lower_limit": -1.0,
-        "upper_limit": 2.0,
-        "peak_speed": pytest.approx(15),
+        "minimum_deg": 0.0,
+        "maximum_deg": math.degrees(0.4),
+        "lower_limit_deg": math.degrees(-1),
+        "upper_limit_deg": math.degrees(2),
+        "peak_speed_deg_s": pytest.approx(math.degrees(15)),
     }
 
 
@@ -132,9 +132,9 @@ def test_the_json_of_a_walk_has_all_of_it(robot: Any) -> None:
         "stability": {"minimum_m": 0.01, "frame": 2, "feet": ["L"]},
         "spring": {"largest_m": 0.005, "leg": "R", "frame": 1},
         "slip": {"largest_m": 0.001, "leg": "R", "frame": 2},
-        "lost_motion": {"angle": 0.02, "swing_beyond": 0.03},
-        "centres_of_rotation": [None, [1.0, -2.0]],
-        "held_back": [{"leg": "L", "angle": 0.1}],
+        "lost_motion": {"angle_deg": math.degrees(0.02), "swing_beyond": 0.03},
+        "centres_of_rotation_m": [None, [1.0, -2.0]],
+        "held_back": [{"leg": "L", "angle_deg": math.degrees(0.1)}],
         "first_millimetre_m": 0.004,
         "torque": {"largest_nm": 7.0, "leg": "R", "frame": 3, "foot_n": 17.0},
         "lift_m": 0.03,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -29,9 +28,9 @@ def test_the_facts_of_the_exercise_are_those_of_its_poses() -> None:
     assert (shown["lead_in_frames"], shown["loop_frames"], shown["loop_s"]) == (0, 500, 10.0)
     (servo,) = facts.servos
     found = servo.to_json()
-    assert found["minimum"] == pytest.approx(math.radians(30))
-    assert found["maximum"] == pytest.approx(math.radians(120))
-    assert found["largest_step"] == pytest.approx(math.radians(90)), "from 120° to 30°"
+    assert found["minimum_deg"] == pytest.approx(30)
+    assert found["maximum_deg"] == pytest.approx(120)
+    assert found["largest_step_deg"] == pytest.approx(90), "from 120° to 30°"
     assert (shown["ends"], facts.worst) == ([], None)
 
 

@@ -92,21 +92,21 @@ def test_servos_that_never_have_a_pulse_are_left_out() -> None:
 
 
 def test_the_json_of_a_servo_has_its_limits_and_needs() -> None:
-    model = SimpleNamespace(name="m", continuous=False, speed=50.0)
-    servo: Any = SimpleNamespace(name="a", pin="RB0", model=model, limits=(-1.0, 2.0))
-    assert ServoFacts(servo, 0.0, 1.0, 3.0, 4, 5.0, 0.5).to_json() == {
+    model = SimpleNamespace(name="m", continuous=False, speed=math.pi)
+    servo: Any = SimpleNamespace(name="a", pin="RB0", model=model, limits=(-math.pi / 2, math.pi))
+    assert ServoFacts(servo, 0.0, math.pi / 4, math.pi / 3, 4, math.pi / 2, 0.5).to_json() == {
         "name": "a",
         "pin": "RB0",
         "model": "m",
         "continuous": False,
-        "minimum": 0.0,
-        "maximum": 1.0,
-        "lower_limit": -1.0,
-        "upper_limit": 2.0,
-        "peak_speed": 3.0,
+        "minimum_deg": 0.0,
+        "maximum_deg": 45.0,
+        "lower_limit_deg": -90.0,
+        "upper_limit_deg": 180.0,
+        "peak_speed_deg_s": pytest.approx(60),
         "peak_speed_frame": 4,
-        "speed_limit": 50.0,
-        "largest_step": 5.0,
-        "step_needs_s": 0.1,
+        "speed_limit_deg_s": 180.0,
+        "largest_step_deg": 90.0,
+        "step_needs_s": 0.5,
         "step_has_s": 0.5,
     }

@@ -249,7 +249,7 @@ def test_a_profile_of_a_loop() -> None:
         "f": (3, 3), "g": (3, 6),
     }  # fmt: skip
     assert found.lines["x.asm", 1].cycles == 9
-    assert found.to_json()["functions"] == {"f": 3, "g": 6}
+    assert found.to_json()["function_cycles"] == {"f": 3, "g": 6}
     assert found.to_json()["lines"] == [{"file": "x.asm", "line": 1, "cycles": 9, "executions": 6}]
     again = profile(chip, 3, listing)
     assert (again.cycles, again.words[1].executions) == (3, 1)
