@@ -56,6 +56,10 @@ COMMANDS = [
 ]
 
 
+def has_unit(name: str) -> bool:
+    return name in WITHOUT or UNIT.search(name) is not None
+
+
 def unnamed(value: object, names: tuple[str, ...] = ()) -> Iterator[str]:
     """The paths of the numbers whose unit no name above them has."""
     if isinstance(value, dict):
@@ -64,9 +68,8 @@ def unnamed(value: object, names: tuple[str, ...] = ()) -> Iterator[str]:
     elif isinstance(value, list):
         for inner in value:
             yield from unnamed(inner, names)
-    elif isinstance(value, int | float) and not isinstance(value, bool):
-        if not any(UNIT.search(name) or name in WITHOUT for name in names):
-            yield ".".join(names)
+    elif isinstance(value, int | float) and not isinstance(value, bool) and not any(map(has_unit, names)):
+        yield ".".join(names)
 
 
 @pytest.mark.parametrize("words", COMMANDS, ids=lambda words: f"{words[0]} {words[-1]}")
