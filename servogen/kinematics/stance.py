@@ -205,7 +205,7 @@ def _stances(leg: TwoJointLeg, arm: Arm, mount: Mount, height: float, posture: P
         lifts = list(zip(leg.lifts_at(foot), leg.lifts_at(foot + posture.lift), strict=True))
     except (InputError, ValueError) as error:
         stands, lift = (f"{1000 * length:g} mm" for length in (-foot, posture.lift))
-        low, high = (f"{1000 * -height:g}" for height in reversed(leg.heights))
+        low, high = (f"{1000 * -height:.4g}" for height in reversed(leg.heights))
         raise InputError(
             "out-of-reach",
             f"the legs cannot stand {stands} high and lift their feet by {lift}",

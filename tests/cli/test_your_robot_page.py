@@ -1,0 +1,35 @@
+"""docs/your-robot.md: its commands print what it shows."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import Run
+
+PAGE = (Path(__file__).parents[2] / "docs" / "your-robot.md").read_text("utf-8")
+SHOWN = re.findall(r"^    \$ servogen (.+)\n((?:    (?!\$).+\n)+)", PAGE, re.MULTILINE)
+
+
+@pytest.mark.parametrize(("command", "lines"), SHOWN)
+def test_what_the_page_shows_is_what_its_commands_print(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str, lines: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (block,) = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
+    Path("spider.toml").write_text(block, "utf-8")
+    if "my.toml" in command:
+        (new,) = re.findall(r"`servogen (new my\.toml [^`]+)`", PAGE)
+        assert run(*new.split()).code == 0
+        text = Path("my.toml").read_text("utf-8")
+        Path("my.toml").write_text(text.replace('name = "hexapod-hip-lift"', 'name = "spider.toml"'), "utf-8")
+    ran = run(*command.split())
+    said = (ran.out + ran.err).splitlines()
+    for line in lines.splitlines():
+        assert line.strip() in [each.strip() for each in said]
+
+
+def test_the_page_shows_commands() -> None:
+    assert len(SHOWN) == 3
