@@ -21,7 +21,7 @@ from servogen.twin.verdict import TOUCH_N
 from servogen.watch.recording import Recording
 from servogen.watch.subject import Subject
 
-SLICE_S = 0.012
+SLICE_S = 0.025
 """The time that the physics calculates between two pictures; the rest is for the chip and the page."""
 
 

@@ -80,7 +80,7 @@ FRAME_S = Fraction(20, 1000)
 """The assumed frame of a program without a schedule."""
 FULL_S = 0.33
 """The interval at which the whole chip is shown while it runs."""
-SLICE_S = 0.012
+SLICE_S = 0.03
 """The time that the server calculates between two messages at full speed."""
 LONGEST_TICK_S = 0.1
 """The maximum time that is made up after a pause of the server."""

@@ -382,7 +382,7 @@ class Page {
     const { model, servos } = this;
     if (this.handPose && !model.serial) return this.handPose;
     if (!model.robot || model.origin === null || this.latest.planned === false) return null;
-    const frame = this.links.frame(cycle), other = frame === null ? null : this.plan.angles(frame, model);
+    const frame = this.links.frame(cycle), other = this.plan.angles(frame ?? 0, model);
     if (other) return other.map((angle, index) => angle ?? servos.angles[index]);
     if (frame === null) return null;
     let left = frame;
