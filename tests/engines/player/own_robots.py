@@ -4,7 +4,7 @@
 300 mm, hobby servos of 500 to 2500 µs over 120° to 180°, each servo with its own calibration (±12 µs at
 both ends), walking four cycles forward and turning by 90°, tripod and ripple in turn, cycles of 0.6 s to
 1.5 s in steps of a frame (so that swings have odd and even numbers of frames). Every fifth robot has a start
-button on the pin that is left.
+button on the pin that is left. Their legs may meet: of interest is what their pulses are.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def drawn(number: int, chance: random.Random) -> Robot:
     button = 'start_pin = "RA4"\n' if number % 5 == 4 else ""
     job = (
         '[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n[robot]\nname = "own.toml"\n'
-        f'{"".join(servos)}[walk]\ngait = "{gait}"\n'
+        f'{"".join(servos)}[walk]\ngait = "{gait}"\ngap_mm = 0\n'
         f"route = [{{ forward_mm = {chance.randint(20, 60)}, cycles = 4 }}, "
         f"{{ turn_deg = {turn}, cycles = {90 // turn} }}]\nlift_mm = {chance.randint(12, 30)}\n"
         f"body_height_mm = {height:.0f}\ncycle_s = {cycle_s:g}\n"
