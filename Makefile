@@ -29,7 +29,8 @@ help:
 	@echo "make clean     remove what was made"
 
 # What changes the parts in C compiles them again.
-IN_C := $(wildcard servogen/*/*.[ch] servogen/*/*/*.[ch]) servogen/native.py servogen/simulator/layout.py
+IN_C := $(wildcard servogen/*/*.[ch] servogen/*/*/*.[ch]) servogen/native.py \
+  $(addprefix servogen/,simulator/layout.py simulator/slots.py simulator/words.py checker/layout.py pic/device.py pic/isa.py)
 
 $(READY): pyproject.toml hatch_build.py $(CONSTRAINTS) $(IN_C)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
