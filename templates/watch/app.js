@@ -131,13 +131,15 @@ class Page {
     document.body.classList.toggle("gone", gone);
     byId("views").inert = byId("time").inert = gone;
     byId("link").hidden = !gone;
-    const said = "The server has ended. Start servogen watch again; this page goes on where it was as soon as"
-      + " the server answers. Text that is not saved stays here.";
+    const here = this.model?.runs ? ` --at-cycle ${this.latest?.cycle ?? 0}` : "";
+    const said = "The server does not answer. This page goes on here as soon as it does. If it has ended,"
+      + ` servogen watch ${this.model?.name ?? ""}${here} opens a new page at this moment;`
+      + " text that is not saved is only here.";
     write(byId("link"), gone ? said : "");
     if (!gone) return;
     this.editor.lost();
     this.waiting = false;
-    document.title = `ended · ${this.model?.name ?? "servogen"}`;
+    document.title = `no server · ${this.model?.name ?? "servogen"}`;
   }
   receive(message) {
     const take = {

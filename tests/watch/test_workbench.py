@@ -291,9 +291,12 @@ def test_a_server_that_has_ended_is_unmistakable_and_found_again_at_the_same_pla
     here = page.run("watched.latest.cycle")
     served.stop()
     page.until("document.body.classList.contains('gone')")
-    assert "The server has ended" in text(page, "#link") and not page.run(
-        "document.getElementById('link').hidden"
+    said = text(page, "#link")
+    assert (
+        said.startswith("The server does not answer.")
+        and f"servogen watch main.hex --at-cycle {here}" in said
     )
+    assert not page.run("document.getElementById('link').hidden")
     assert page.run("document.getElementById('views').inert && document.getElementById('time').inert")
     again = Running(
         lambda progress: load_subject(program, Setting()), port=served.server.port, token=served.token
