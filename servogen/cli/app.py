@@ -190,7 +190,7 @@ def run() -> int:
         text = _with_value(text, error, sys.argv[1:])
         meant = _meant(text)
         text = (BY_LETTERS if meant else HELP_ALONE).sub("", text)
-        hint = meant or f"see: {_command_of(error)} --help"
+        hint = meant or _outputs(text, error) or f"see: {_command_of(error)} --help"
         show_error(InputError("usage", text, hint=hint), sys.argv[1:])
         return InputError.exit_code
     except typer.Abort:
@@ -230,6 +230,17 @@ def _meant(text: str) -> str:
     word = re.match(r"No such command '([\w-]+)'", text)
     command = MEANT.get(word[1]) if word else None
     return f"did you mean '{command}'?" if command else ""
+
+
+def _outputs(text: str, error: TyperException) -> str:
+    """Return the options that write a file, if `-o` was typed where there is no such option; else empty."""
+    if not re.match(r"No such option: (-o|--output)\b", text):
+        return ""
+    command = getattr(getattr(error, "ctx", None), "command", None)
+    writing = [
+        each.opts[0] for each in getattr(command, "params", ()) if re.match("Write|Draw", each.help or "")
+    ]
+    return f"files are written by {', '.join(writing)}" if writing else ""
 
 
 def _with_value(text: str, error: TyperException, words: Sequence[str]) -> str:

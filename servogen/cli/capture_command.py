@@ -8,10 +8,10 @@ from typing import Annotated
 
 import typer
 
+from servogen.cli.files import read_schedule_of
 from servogen.cli.options import Json
 from servogen.cli.show import as_json, progress, status, warn
 from servogen.errors import Diagnostic, InputError, Location
-from servogen.programs import read_schedule
 from servogen.units import counted
 from servogen.workflows.capture import Captured, CaptureSettings, capture_by_sigrok
 from servogen.workflows.capture import capture as captured
@@ -72,7 +72,8 @@ def capture(
         Path | None,
         typer.Option(
             "--against",
-            help="The schedule.json that the program follows: it names the servos and sets the duration.",
+            help="The job, build or schedule.json that the program follows: it names the servos and sets "
+            "the duration.",
         ),
     ] = None,
     seconds: Annotated[
@@ -82,7 +83,7 @@ def capture(
     json: Json = False,
 ) -> None:
     """Record the chip's pins with a logic analyser that speaks SUMP (Logic Sniffer, Bus Pirate, …)."""
-    schedule = None if against is None else read_schedule(against)
+    schedule = None if against is None else read_schedule_of(against)
     looking = CaptureSettings(
         rate=analyser.rate or DEFAULT_RATE,
         fixed_rate=analyser.rate is not None,

@@ -14,7 +14,8 @@ from servogen.isolation import COMPILING, WorkLimits, missing_limits
 from servogen.outputs import write_text
 from servogen.pic.image import Image, read_hex, to_hex
 from servogen.pic.listing import Listing, listing_text
-from servogen.programs import Program
+from servogen.programs import Program, read_schedule
+from servogen.pulse import PulseSchedule
 
 T = TypeVar("T")
 
@@ -66,6 +67,16 @@ def read_program(path: Path, device_name: str | None = None) -> Program:
     for remark in program.remarks:
         warn(remark)
     return program
+
+
+def read_schedule_of(path: Path) -> PulseSchedule:
+    """Return the schedule in a schedule.json, of the folder of a build, or of a job. Raises InputError."""
+    if programs.is_job(path):
+        from servogen.job import load, plan_job  # loads the engines: only for a job
+        from servogen.workflows import planned
+
+        return planned(plan_job(load(path))).plan.schedule
+    return read_schedule(path / "schedule.json" if path.is_dir() else path)
 
 
 def within_limits(

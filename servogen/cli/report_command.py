@@ -15,7 +15,7 @@ from servogen.cli.options import (
     Partial,
     RecordedWires,
 )
-from servogen.cli.show import as_json, status
+from servogen.cli.show import as_json, next_step, status
 from servogen.errors import InputError, Location
 from servogen.job import load, plan_job
 from servogen.outputs import write_text
@@ -87,6 +87,8 @@ def report(
         print(f"twin: {page.twin.word}")
         for reason in page.twin.reasons():
             print(reason)
+    if not json:
+        print(f"next: open {target} in a browser, or {next_step('watch', job).removeprefix('next: ')}")
     recorded = page.capture
     right = (recorded is None or recorded.accepted(recording.partial)) and (
         page.twin is None or page.twin.passed

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 import typer
 
 from servogen.cli.options import Json, number
-from servogen.cli.show import as_json, status, table
+from servogen.cli.show import as_json, next_step, status, table
 from servogen.errors import InputError
 from servogen.kinematics import queries
 from servogen.kinematics.catalogue import arm, robot
@@ -117,7 +117,7 @@ def _write_urdf(name: str | None, path: Path) -> None:
             "missing-option", "which robot should be written?", hint="servogen robots scara --urdf scara.urdf"
         )
     write_text(path, to_urdf(arm(name)))
-    print(path)
+    print(next_step("fk", path))
 
 
 def _write_mjcf(name: str | None, path: Path) -> None:

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from servogen.cli.contracts import ContractRequest, verify_contract
-from servogen.cli.files import keep_apart, read_program
+from servogen.cli.files import keep_apart, read_program, read_schedule_of
 from servogen.cli.options import (
     CaptureRate,
     ChipOptions,
@@ -22,12 +22,12 @@ from servogen.cli.options import (
     Seconds,
     StimulusFile,
 )
-from servogen.cli.show import as_json, status, warn_of_all
+from servogen.cli.show import as_json, next_step, status, warn_of_all
 from servogen.edges import EdgeTrace
 from servogen.errors import InputError, Location
 from servogen.outputs import write_text
 from servogen.pic.image import Image
-from servogen.programs import chip_of, read_schedule
+from servogen.programs import chip_of
 from servogen.pulse import PulseSchedule
 from servogen.report.pulse_plot import pulse_plot
 from servogen.simulator import SimulatorOptions
@@ -115,7 +115,8 @@ def verify(
     claim: ContractOptions,
     source: RecordingOptions,
     against: Annotated[
-        Path | None, typer.Option("--against", help="The schedule.json that it should follow.")
+        Path | None,
+        typer.Option("--against", help="What it should follow: a job, its build, a schedule.json."),
     ] = None,
     seconds: Seconds = None,
     forever: Annotated[
@@ -134,7 +135,7 @@ def verify(
     if claim.contract is not None:
         raise typer.Exit(verify_contract(claim.request(file, chip, seconds, wires, device, source, json)))
     assert against is not None
-    schedule = read_schedule(against)
+    schedule = read_schedule_of(against)
     board = chip.on(device_for(schedule, against, device))
     if forever:
         raise typer.Exit(_verify_forever(file, schedule, seconds, board, json))
@@ -293,7 +294,7 @@ def measure(
         return
     print("\n".join(measurement_lines(measurement)))
     if schedule is not None:
-        print(f"{schedule}: written")
+        print(next_step("prove" if is_program(file) else "verify", file, "--against", schedule))
     warn_of_all(warnings)
 
 
@@ -308,7 +309,8 @@ def plot(
     chip: ChipOptions,
     output: Annotated[Path, typer.Option("--output", "-o", help="The picture: .png, .svg or .pdf.")],
     against: Annotated[
-        Path | None, typer.Option("--against", help="The schedule.json that names its channels.")
+        Path | None,
+        typer.Option("--against", help="The job, build or schedule.json that names channels."),
     ] = None,
     seconds: Seconds = None,
     clock_hz: ClockHz = None,
@@ -317,7 +319,7 @@ def plot(
 ) -> None:
     """Draw the pulses of a program or of recorded edges (default: the motion once, else 20 s)."""
     keep_apart([path for path in (file, against) if path], output)
-    schedule = read_schedule(against) if against else None
+    schedule = read_schedule_of(against) if against else None
     wires = wires_for(file, wire)
     if device is not None or chip.given:
         refuse_chip_options(file)

@@ -20,7 +20,7 @@ from servogen.cli.options import (
     Seconds,
     StimulusFile,
 )
-from servogen.cli.show import as_json, progress, table, warn_of_all
+from servogen.cli.show import as_json, next_step, progress, table, warn_of_all
 from servogen.edges import EdgeChunk, EdgeTrace
 from servogen.errors import InputError
 from servogen.outputs import atomic_write, write_text
@@ -97,6 +97,8 @@ def simulate(
         _print_state(state, clock, changes)
         if spent:
             _print_profile(spent)
+        if paths:
+            print(next_step("measure", paths[0]))
     warn_of_all(state.warnings)
 
 

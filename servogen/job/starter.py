@@ -24,7 +24,13 @@ MODEL = re.compile(r'^model = "([^"]*)"', re.MULTILINE)
 
 
 def template(kind: str = KINDS[0]) -> str:
-    """Return the commented job file of a kind, with the servos it was written for. Raises InputError."""
+    """Return the commented job file of a kind, with the servos it was written for. Raises InputError.
+
+    The beginning of a kind's name is enough if no other begins so: quadruped.
+    """
+    longer = [each for each in KINDS if each.startswith(f"{kind}-")]
+    if kind not in KINDS and len(longer) == 1:
+        kind = longer[0]
     if kind not in KINDS:
         raise InputError(
             "unknown-name", f"there is no job to start from for '{kind}'", hint=did_you_mean(kind, KINDS)

@@ -430,7 +430,8 @@ def test_report_says_what_its_page_shows(
     stand_in(monkeypatch, reporting, "page_of", page_of)
     stand_in(monkeypatch, verify_package, "capture_lines", lambda verdict: ["first", "second"])
     ran = run("report", "jobs/a.toml", *words)
-    assert (ran.code, ran.out.splitlines()) == (code, lines)
+    after = "next: open a.html in a browser, or servogen watch jobs/a.toml"
+    assert (ran.code, ran.out.splitlines()) == (code, [*lines, after])
     assert (tmp_path / "a.html").read_text() == "<html>"
     shown = run("report", "jobs/a.toml", *words, "-o", "b.html", "--json")
     found_json = json.loads(shown.out)

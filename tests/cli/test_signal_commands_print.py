@@ -231,7 +231,8 @@ def test_measure_prints_its_lines_then_its_file_then_its_warnings(
     ran = run(
         "measure", "a.hex", "--schedule", "s.json", "--servo", "RB0=futaba-s3001", "--device", "PIC16F84A"
     )
-    assert (ran.out, Path("s.json").read_text()) == ("line 1\nline 2\ns.json: written\n", "{}\n")
+    shown = "line 1\nline 2\nnext: servogen prove a.hex --against s.json\n"
+    assert (ran.out, Path("s.json").read_text()) == (shown, "{}\n")
     assert measuring["written"] == (True, "a.hex", {"RB0": "futaba-s3001"}, "PIC16F84A")
     assert (measuring["asked"][4].device, measuring["read"][1]) == ("PIC16F84A", "PIC16F84A")
     shown = run("measure", "a.hex", "--seconds", 2, "--clock-hz", 8_000_000, "--json")

@@ -429,3 +429,13 @@ def test_a_verdict_on_a_recording_says_that_buttons_were_not_judged(run: Run, tm
         assert "buttons were not judged: edges do not show what came in" in ran.out, ran
         shown = json.loads(run("verify", file, "--against", schedule, "--json").out)
         assert shown["not_judged"] == ["buttons were not judged: edges do not show what came in"]
+
+
+@pytest.mark.parametrize(
+    "against", [SCHEDULE, LAB8, ROOT / "jobs" / "lab8-exercise.toml"], ids=lambda path: path.name
+)
+def test_a_program_is_compared_with_a_schedule_a_build_or_a_job(run: Run, against: Path) -> None:
+    ran = run("verify", LAB8 / "main.hex", "--against", against, "--json")
+    assert (ran.code, json.loads(ran.out)["exact"]) == (0, True)
+    other = ROOT / "firmware" / "lab9-exercise" / "main.hex"
+    assert run("verify", other, "--against", against).code == 1

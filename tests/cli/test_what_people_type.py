@@ -16,6 +16,11 @@ LAB8 = (ROOT / "jobs" / "lab8-exercise.toml").read_text()
     [
         (("upload", "main.hex"), "did you mean 'flash'?", "plot"),
         (("sim", "main.hex"), "did you mean 'simulate'?", "--help"),
+        (
+            ("simulate", "-o", "x.csv", "firmware/lab8-exercise/main.hex"),
+            "files are written by --edges, --vcd, --trace, --eeprom",
+            "--help",
+        ),
         (("biuld", "job.toml"), "Did you mean 'build'?", "flash"),
         (("check", "--chip", "PIC16F84A", "job.toml"), "see: servogen check --help", "Possible options"),
         (
