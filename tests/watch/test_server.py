@@ -462,3 +462,44 @@ def test_time_passes_as_the_clock_says(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(asyncio.CancelledError):
         ticking.send(None)
     assert ticks == [0.5, 0.75]
+
+
+def test_a_stop_does_not_wait_for_a_build() -> None:
+    """While the editor works, the pins are held and the chip is shown; its answer comes later."""
+    gate = threading.Event()
+
+    def handle(message: Any, progress: Any) -> Any:
+        assert gate.wait(60)
+        return {"is": "checked", "diagnostics": [], "good": False}, None
+
+    editor: Any = SimpleNamespace(
+        handle=handle, opened=lambda: {"is": "editor", "name": "x", "text": "", "saved": True}
+    )
+    served = Running(hex_subject, editor)
+    try:
+        with served.socket() as socket:
+            opened(socket)
+            socket.send(json.dumps({"do": "build", "text": "", "over": ""}))
+            held = asked(socket, do="pin", pin="RA0", level=1)
+            assert held["chip"]["outside"][0] == 1 and not gate.is_set()
+            gate.set()
+            assert messages(socket, "checked")
+    finally:
+        gate.set()
+        served.stop()
+
+
+def test_it_is_said_what_is_proven_and_a_far_moment_is_near_once_the_repetition_is_known() -> None:
+    """Of lab 8 without a certificate beside it; the room tells every session, and those that come later."""
+    job = ROOT / "jobs" / "lab8-exercise.toml"
+    served = Running(lambda progress: load_subject(job, Setting(), progress))
+    try:
+        with served.socket() as socket:
+            opened(socket)
+            assert messages(socket, "theorem")[-1]["text"].startswith("all runs: ")
+            for hour in (20, 47, 3):
+                moment = hour * 3600 * 10**6
+                socket.send(json.dumps({"do": "seek", "cycle": moment}))
+                assert messages(socket, "now")[-1]["cycle"] - moment in range(3)
+    finally:
+        served.stop()
