@@ -14,10 +14,9 @@ export class Editor {
     this.saved = "";
     this.sent = null;   // what is being saved or built: it, not what was typed since, gets to the disk
     this.bands = {};
-    let timer = null;
     places.text.addEventListener("input", () => {
-      clearTimeout(timer);
-      timer = setTimeout(() => this.check(), PAUSE_MS);
+      clearTimeout(this.timer);
+      this.timer = setTimeout(() => this.check(), PAUSE_MS);
       this.posed(null);
       this.number();
       this.mark();
@@ -34,6 +33,7 @@ export class Editor {
   get changed() { return !!this.opened && this.text !== this.saved; }
   // Ask for the plan of the text as it is now; one is asked for at a time.
   check() {
+    clearTimeout(this.timer);
     if (this.checking) { this.again = true; return; }
     this.checking = this.text;
     this.late = setTimeout(() => this.plan("planning: this takes longer than a second"), LATE_MS);

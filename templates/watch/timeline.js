@@ -31,6 +31,7 @@ export class Timeline {
   show(poses) {
     this.places.area.classList.toggle("stale", !poses);
     if (!poses) return;
+    if (this.dragging) { this.waiting = poses; return; }   // the block in the hand stays
     this.poses = poses;
     this.selected = Math.max(0, Math.min(this.selected, poses.length - 1));
     this.places.area.hidden = !poses.length;
@@ -106,6 +107,8 @@ export class Timeline {
   // A pose is dragged to another place, or its right end to another time.
   drag(event, index, end) {
     const block = this.blocks[index], from = event.clientX, pose = this.poses[index];
+    this.dragging = true;
+    this.waiting = null;
     this.choose(index);
     this.places.list.focus();
     event.preventDefault();
@@ -119,8 +122,9 @@ export class Timeline {
     const onUp = moved => {
       for (const [name, listener] of listeners) block.removeEventListener(name, listener);
       block.style.translate = "";
+      this.dragging = false;
       const stayed = moved.type === "pointercancel" || Math.abs(moved.clientX - from) < 4;
-      if (stayed) { this.show(this.poses); return; }
+      if (stayed) { this.show(this.waiting || this.poses); return; }
       if (end) { this.time("hold_s", held(moved)); return; }
       const others = this.blocks.filter(each => each !== block);
       const middle = ({ x, width }) => x + width / 2;
