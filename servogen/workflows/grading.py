@@ -97,7 +97,7 @@ ODD_VALUES = 16
 
 
 class Runnable(Protocol):
-    """A program that can be run: its image, the clock of its source, remarks about its file, warnings."""
+    """A program that can be run: its image, the clock that its source names, and remarks about its file."""
 
     @property
     def image(self) -> Image: ...
@@ -109,13 +109,17 @@ class Runnable(Protocol):
     def remarks(self) -> tuple[Diagnostic, ...]: ...
 
     @property
-    def warnings(self) -> tuple[Diagnostic, ...]: ...
-
-    @property
     def listing(self) -> Listing | None: ...
 
 
-Read = Callable[[Submission], Runnable]
+class ReadProgram(Runnable, Protocol):
+    """A program as it was read, with the warnings of its compiler or assembler."""
+
+    @property
+    def warnings(self) -> tuple[Diagnostic, ...]: ...
+
+
+Read = Callable[[Submission], ReadProgram]
 """Reads a HEX file, compiles C, assembles assembly. Raises InputError."""
 
 
