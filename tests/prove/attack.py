@@ -550,7 +550,7 @@ def judged(
 def survivors(names: list[str], count: int, seed: int, max_states: int) -> tuple[Counter[str], list[str]]:
     """Counts of the answers to `count` mutants that no stimulus has shown to be wrong; the wrong proofs.
 
-    If one is proven, the checker must accept the certificate, or not cover it; more stimuli must find nothing.
+    If one is proven, the checker must accept it, or not cover it, and more stimuli must find nothing.
     """
     rng = random.Random(seed)
     cases = [target(name) for name in names]
