@@ -289,6 +289,7 @@ def as_second_chip(case: Target, image: Image, around: Environment, end: int) ->
     )
     named = start.registers
     chip.w, chip.status, chip.ram, chip.tmr0 = start.w, start.status, [*start.ram], named["TMR0"]
+    chip.intcon = named["INTCON"]
     chip.fsr, chip.eedata, chip.eeadr, chip.eecon1 = (
         named[name] for name in ("FSR", "EEDATA", "EEADR", "EECON1")
     )
