@@ -43,9 +43,9 @@ ALWAYS[[layout.W, *range(layout.RAM, layout.RAM_END), FRAME_NUMBER, PLACE]] = Fa
 """The chip's slots; and what every run depends on."""
 TIMES = [layout.CLEARED, layout.TIME_OUT_AT, layout.WRITTEN_BY, layout.FRAME]
 MAX_PERIODS, MAX_CYCLES, MAX_ROWS, ROWS = 500, 3_000_000_000, 20_000, 1000
-FORK_CYCLES = 300
-"""As many cycles take as long as a way that is split."""
 """Of a way between two cuts; cycles that are run; ways that wait for it; states that are taken together."""
+MAX_RUNS = 500_000
+"""From one stop to the next: some minutes."""
 PAUSE = 100
 """In this cycle runs stop once, so that those which have forgotten their differences go on as one."""
 RC, FASTEST = 3, (200_000, 4_000_000, 20_000_000, 0)
@@ -127,7 +127,7 @@ class Checker:
         self._numbers: dict[Place, int] = {}
         self._listed: list[tuple[Ints, dict[bytes | None, int]]] = []
         self._states = self._started(self._known(certificate))
-        self._frames = self._cycles = self._run = self._forks = 0
+        self._frames = self._cycles = self._run = self._runs = self._forks = 0
 
     def check(self) -> Checked:
         """Run from power-up and from each listed state. Raises Refused."""
@@ -258,10 +258,7 @@ class Checker:
                 else:
                     reason, outside = layout.REASONS[why], why in OUTSIDE
                     raise NotCovered(reason, _place_of(rows[0])) if outside else _refused(rows[0], reason)
-                if (
-                    max(self._run, FORK_CYCLES * self._forks) > MAX_CYCLES
-                    or sum(map(len, stopped)) > MAX_ROWS
-                ):
+                if self._run > MAX_CYCLES or self._runs > MAX_RUNS or sum(map(len, stopped)) > MAX_ROWS:
                     raise NotCovered("more cycles, or ways, than are allowed", _place_of(rows[0]))
             states = np.concatenate([states, *stopped])
         if arrived:
@@ -279,6 +276,7 @@ class Checker:
         rows, others = states[alike], states[~alike]
         cycles = int(s[layout.CYCLE] - rows[0, layout.CYCLE])
         self._run += cycles
+        self._runs += 1
         self._cycles += cycles * len(rows)
         changed = np.flatnonzero(CHIP & (ALWAYS | (used & layout.CHANGED != 0)))
         rows[:, changed] = s[changed]

@@ -282,7 +282,7 @@ def test_a_held_button_needs_its_name_also_where_the_schedule_states_its_level()
     assert check(certify.pack(data), image, text, ["RA4"]).restrictions
 
 
-@pytest.mark.parametrize("limit", ["MAX_CYCLES", "MAX_ROWS"])
+@pytest.mark.parametrize("limit", ["MAX_CYCLES", "MAX_ROWS", "MAX_RUNS"])
 def test_the_work_is_bounded(limit: str, monkeypatch: pytest.MonkeyPatch) -> None:
     image, schedule = certify.button_program(), certify.schedule(STOP)
     packed = certified(image, schedule)
