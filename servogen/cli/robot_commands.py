@@ -21,6 +21,7 @@ from servogen.kinematics import queries
 from servogen.kinematics.catalogue import arm, robot
 from servogen.kinematics.urdf import to_urdf
 from servogen.outputs import write_text
+from servogen.report.scheme import scheme_plot
 from servogen.robot.servo_models import catalogued_as, figures, names, servo_model
 from servogen.twin.bodies import bodies
 
@@ -50,6 +51,10 @@ def robots(
     mjcf: Annotated[
         Path | None, typer.Option("--mjcf", help="Write its bodies as MJCF, a model for MuJoCo.")
     ] = None,
+    picture: Annotated[
+        Path | None,
+        typer.Option("--plot", help="Draw this arm's kinematic scheme: .png, .svg or .pdf."),
+    ] = None,
     json: Json = False,
 ) -> None:
     """List the robots of the catalogue, or show everything about one of them."""
@@ -57,6 +62,8 @@ def robots(
         _write_urdf(name, urdf)
     elif mjcf is not None:
         _write_mjcf(name, mjcf)
+    elif picture is not None:
+        _draw_scheme(name, picture)
     elif name is None:
         entries = queries.robot_list()
         if json:
@@ -118,6 +125,15 @@ def _write_urdf(name: str | None, path: Path) -> None:
         )
     write_text(path, to_urdf(arm(name)))
     print(next_step("fk", path))
+
+
+def _draw_scheme(name: str | None, path: Path) -> None:
+    if name is None:
+        raise InputError(
+            "missing-option", "which robot should be drawn?", hint="servogen robots scara --plot scara.png"
+        )
+    scheme_plot(arm(name), path)
+    print(next_step("fk", name))
 
 
 def _write_mjcf(name: str | None, path: Path) -> None:
