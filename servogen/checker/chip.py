@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -133,11 +133,13 @@ def _as_c(argument: Any) -> Any:
 def _address(vector: Ints) -> int:
     if vector.dtype != np.int64 or not vector.flags.c_contiguous:
         raise TypeError("a vector of the chip is of 64-bit integers, one beside the other")
-    return vector.ctypes.data
+    address: int = vector.__array_interface__["data"][0]  # half the time of vector.ctypes.data
+    return address
 
 
+@lru_cache(maxsize=256)
 def _pack(*numbers: int) -> Any:
-    """Return numbers as a struct of C, which has no others."""
+    """Return numbers as a struct of C, which has no others and writes to none: runs share it."""
     return (ctypes.c_int64 * len(numbers))(*map(int, numbers))
 
 
