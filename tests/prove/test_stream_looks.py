@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from itertools import product
 
 import pytest
 
@@ -12,13 +13,16 @@ from servogen.engines.stream.response import Round
 from servogen.job import load, plan_job
 from servogen.pic.isa import encode
 from servogen.prove.stream import looks
+from servogen.prove.stream.interrupt import Beginning, Interrupt, LastLook
 from servogen.prove.stream.looks import (
     BIT,
     HUNT,
     OF_RECEIVER,
+    SENT,
     START,
     WAIT,
     InterruptChanged,
+    Kind,
     Look,
     check_receiver,
     check_samples,
@@ -174,3 +178,68 @@ def test_a_look_that_stands_still_has_no_end(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(looks, "MAX_STATES", 50)
     with pytest.raises(InterruptChanged, match=r"^a look at the line does not end$"):
         looks_of(round_of(encode("GOTO", k=0x60)), 0x60, 0x80)
+
+
+# looks that follow each other
+
+OF_INTERRUPT = {name: 0x20 + n for n, name in enumerate(("ticks", "rest", "fine", "t", "rx_bits"))}
+BEFORE, SAMPLE, STAMP = -300, 10, 30
+"""The cycles of the look before the interrupt, and of the one in it."""
+
+
+def looked(
+    last: Kind, look: Kind, *, answers: bool = False, before: int = BEFORE, receiving: int | None = None
+) -> tuple[set[str], set[tuple[int, int, int]], set[tuple[int, int]]]:
+    """An interrupt that looks once, after another look: the kinds of its last look, and the gaps noted."""
+    code = Round({4: encode("CALL", k=0x60), 5: encode("RETFIE")}, OF_INTERRUPT, 0x60, 0x70, 9)
+    # It begins in cycle 2, and the subroutine in cycle 4.
+    outcomes = {0x60: (Look(look, 40, SAMPLE - 4, STAMP - 4),)}
+    one = Interrupt(code, outcomes, answers, bits_apart=160, first_apart=61, gaps=True)
+    known = {OF_INTERRUPT["ticks"]: 101}
+    if receiving is not None:
+        known[OF_INTERRUPT["rx_bits"]] = receiving
+    ends = one.run([Beginning(2, LastLook(last, before, before + 5))], known)
+    return {end.last.kind for end in ends}, one.starts, one.waits
+
+
+@pytest.mark.parametrize(
+    ("last", "kinds"),
+    [
+        # After a start bit a wait, or the first bit once it is due. A byte begins after a bit or none.
+        (START, {WAIT, BIT}),
+        (HUNT, {HUNT, START}),
+        (BIT, {HUNT, START, WAIT, BIT}),
+        (WAIT, {HUNT, START, WAIT, BIT}),
+        # While the chip sends no start bit comes.
+        (SENT, {WAIT, BIT}),
+    ],
+)
+def test_looks_follow_each_other_as_a_receiver_can(last: Kind, kinds: set[Kind]) -> None:
+    assert {kind for kind in (HUNT, START, WAIT, BIT) if looked(last, kind)[0]} == kinds
+
+
+def test_a_bit_is_sent_though_none_was_received_if_the_chip_answers() -> None:
+    assert looked(HUNT, BIT, answers=True)[0] == {SENT} and looked(HUNT, WAIT, answers=True)[0] == {WAIT}
+    assert looked(BIT, BIT, answers=True)[0] == {BIT}
+
+
+def test_a_bit_comes_when_its_time_is_over() -> None:
+    """61 cycles after a start bit's time stamp, 160 after a bit's."""
+    assert looked(START, BIT, before=STAMP - 5 - 61)[0] and not looked(START, BIT, before=STAMP - 5 - 60)[0]
+    assert looked(BIT, BIT, before=STAMP - 5 - 160)[0] and not looked(BIT, BIT, before=STAMP - 5 - 159)[0]
+
+
+def test_a_start_bit_is_looked_for_exactly_while_no_byte_is_received() -> None:
+    for kind in (HUNT, START):
+        assert looked(BIT, kind, receiving=0)[0] and not looked(BIT, kind, receiving=3)[0]
+    for kind in (WAIT, BIT):
+        assert looked(BIT, kind, receiving=3)[0] and not looked(BIT, kind, receiving=0)[0]
+
+
+def test_gaps_are_those_before_a_start_and_within_a_byte() -> None:
+    start = {(STAMP, STAMP - SAMPLE, SAMPLE - BEFORE)}
+    wait = {((BEFORE + 5) % 256, STAMP - (BEFORE + 5))}
+    for last, kind in product((HUNT, START, WAIT, BIT, SENT), (HUNT, START, WAIT, BIT)):
+        _, starts, waits = looked(last, kind)
+        assert starts == (start if kind == START and last in (HUNT, BIT) else set()), (last, kind)
+        assert waits == (wait if kind in (WAIT, BIT) and last in (START, WAIT, BIT) else set()), (last, kind)
