@@ -1,0 +1,30 @@
+"""`servogen dap`: the debugger of editors."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import typer
+
+from servogen.cli.files import read_program
+from servogen.dap import DebugSession, Messages, serve
+from servogen.programs import Program
+
+
+def register(app: typer.Typer) -> None:
+    app.command()(dap)
+
+
+def dap() -> None:
+    """Debug a program in an editor: speaks the Debug Adapter Protocol on standard input and output."""
+    failures: list[str] = []
+    session = DebugSession(Messages(sys.stdout.buffer).send, _read)
+    serve(sys.stdin.buffer, session, failures.append)
+    if failures:
+        print(f"servogen dap: {failures[0]}", file=sys.stderr)
+        raise typer.Exit(2)
+
+
+def _read(path: Path, device: str | None) -> Program:
+    return read_program(path, device)

@@ -1,0 +1,6 @@
+"""A debug adapter: editors debug the simulated chip, forwards and backwards (Debug Adapter Protocol)."""
+
+from servogen.dap.protocol import Messages, ProtocolError, read_message, serve, written
+from servogen.dap.session import DebugSession
+
+__all__ = ["DebugSession", "Messages", "ProtocolError", "read_message", "serve", "written"]

@@ -1,0 +1,124 @@
+"""Breakpoints with conditions, counts and messages, and the way back to the last one.
+
+In: what an editor asks for and what stops the chip. Out: the breakpoint at which it stands.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from servogen.debug.breakpoints import AtCondition, Breakpoint, parse_breakpoint, run_to
+from servogen.debug.symbols import variable
+from servogen.debug.time_machine import TimeMachine
+from servogen.edges import PINS
+from servogen.errors import InputError
+from servogen.pic.listing import Listing
+
+FIRST_BACK_S = 0.1
+"""Seconds that are searched backwards first; then twice as many."""
+
+
+@dataclass(slots=True)
+class Armed:
+    """A breakpoint with what it waits for."""
+
+    breakpoint: Breakpoint
+    condition: AtCondition | None = None
+    hits: int = 1
+    """The number of the first hit that stops."""
+    message: str | None = None
+    """What is printed instead of a stop; {name} is a variable."""
+    listing: Listing | None = None
+    count: int = 0
+
+    @property
+    def text(self) -> str:
+        return self.breakpoint.text
+
+    def holds(self, chip: TimeMachine) -> bool:
+        """Return whether its condition is true now."""
+        return self.condition is None or self.condition.holds(chip)
+
+    def printed(self, chip: TimeMachine) -> str:
+        """Return the message with the values of its variables."""
+        return re.sub(r"\{([^{}]+)\}", lambda found: self._value(found[1].strip(), chip), self.message or "")
+
+    def _value(self, name: str, chip: TimeMachine) -> str:
+        if name.upper() in PINS:
+            return str(chip.machine.pins >> PINS.index(name.upper()) & 1)
+        try:
+            return str(variable(name, self.listing).number(chip.machine.ram))
+        except InputError:
+            return f"{{{name}}}"
+
+
+def armed(breakpoint: Breakpoint, given: Mapping[str, Any], listing: Listing | None) -> Armed:
+    """Return a breakpoint with its `condition`, `hitCondition` and `logMessage`. Raises InputError."""
+    condition = None
+    if given.get("condition"):
+        parsed = parse_breakpoint(str(given["condition"]), listing)
+        if not isinstance(parsed, AtCondition):
+            hint = "a comparison, such as width > 1500"
+            raise InputError("bad-breakpoint", f"'{parsed.text}' is not a condition", hint=hint)
+        condition = parsed
+    hits = str(given.get("hitCondition") or "1").strip().lstrip(">=").strip()
+    if not hits.isdigit() or not int(hits):
+        message = f"'{given['hitCondition']}' is not a number of hits"
+        raise InputError("bad-breakpoint", message, hint="5, or >= 5")
+    printed = str(given["logMessage"]) if given.get("logMessage") else None
+    return Armed(breakpoint, condition, int(hits), printed, listing)
+
+
+def next_stop(
+    chip: TimeMachine, end: int, every: Sequence[Armed], log: Callable[[str], None]
+) -> Armed | None:
+    """Run to the first breakpoint that stops, which is returned, or to the first moment not before `end`."""
+    if not every:
+        chip.run(end)
+        return None
+    by_breakpoint = {id(each.breakpoint): each for each in every}
+    while chip.now < end:
+        hit = run_to(chip, end, [each.breakpoint for each in every], chip.machine.image)
+        if hit is None:
+            return None
+        each = by_breakpoint[id(hit)]
+        if not each.holds(chip):
+            continue
+        each.count += 1
+        if each.message is not None:
+            log(each.printed(chip))
+        elif each.count >= each.hits:
+            return each
+    return None
+
+
+def back_to(chip: TimeMachine, every: Sequence[Armed]) -> Armed | None:
+    """Go back to the last moment at which a breakpoint stops, which is returned; to power-up without one.
+
+    Counts of hits are not of the past: there each hit stops.
+    """
+    here, width = int(chip.now), int(chip.clock.round_seconds(FIRST_BACK_S))
+    stops = [each for each in every if each.message is None]
+    by_breakpoint = {id(each.breakpoint): each for each in stops}
+    while stops:
+        begin = max(0, here - width)
+        chip.seek(begin)
+        last: tuple[int, Armed] | None = None
+        while chip.now < here:
+            hit = run_to(chip, here, [each.breakpoint for each in stops], chip.machine.image)
+            if hit is None or chip.now >= here:
+                break
+            each = by_breakpoint[id(hit)]
+            if each.holds(chip):
+                last = int(chip.now), each
+        if last is not None:
+            chip.seek(last[0])
+            return last[1]
+        if not begin:
+            break
+        width *= 2
+    chip.seek(0)
+    return None

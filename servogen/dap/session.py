@@ -1,0 +1,467 @@
+"""One debugging session: what an editor asks of a chip that goes forwards and backwards.
+
+In: requests. Out: answers and events. All addresses of the protocol are program addresses as hexadecimal
+numbers; the chip has one thread. The frame's name states the cycle, because time is what is debugged here.
+"""
+
+from __future__ import annotations
+
+import base64
+import re
+from bisect import bisect_right
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from servogen.dap.breakpoints import Armed, armed, back_to, next_stop
+from servogen.dap.protocol import Message
+from servogen.debug.breakpoints import parse_breakpoint
+from servogen.debug.pins import explain_pin
+from servogen.debug.symbols import ListedLine, line_at, variable
+from servogen.debug.time_machine import TimeMachine
+from servogen.edges import PINS
+from servogen.errors import InputError, ServogenError
+from servogen.pic.device import EEPROM_BYTES, PROGRAM_WORDS, RAM_FIRST
+from servogen.pic.listing import Listing
+from servogen.pic.spelling import assembly_text
+from servogen.programs import Program, clock_of, read_program
+from servogen.simulator import Levels, SimulatorOptions, Stimuli, load_stimuli
+
+THREAD = 1
+SLICE_S = 0.2
+"""Seconds of the chip between two looks for a request, while it runs."""
+MAX_STEPS = 2_000
+"""The lines that "step over" and "step out" run through before they stop in the middle."""
+PINS_OF, REGISTERS, VARIABLES, EEPROM = 1, 2, 3, 4
+"""References of the scopes."""
+LAUNCH_KEYS = ("program", "stimulus", "inputs", "clock_hz", "device", "stopOnEntry", "start", "floating")
+
+CAPABILITIES = {
+    "supportsConfigurationDoneRequest": True,
+    "supportsStepBack": True,
+    "supportsConditionalBreakpoints": True,
+    "supportsHitConditionalBreakpoints": True,
+    "supportsLogPoints": True,
+    "supportsFunctionBreakpoints": True,
+    "supportsInstructionBreakpoints": True,
+    "supportsDisassembleRequest": True,
+    "supportsReadMemoryRequest": True,
+    "supportsEvaluateForHovers": True,
+    "supportsSteppingGranularity": True,
+    "supportsTerminateRequest": True,
+    "supportsRestartRequest": True,
+}
+
+Body = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Loaded:
+    """What is debugged."""
+
+    path: Path
+    program: Program
+    options: SimulatorOptions
+    stimulus: Stimuli | None
+
+    @property
+    def listing(self) -> Listing | None:
+        return self.program.listing
+
+
+class DebugSession:
+    """Answers the requests of one editor."""
+
+    def __init__(
+        self, send: Callable[[Message], None], read: Callable[[Path, str | None], Program] = read_program
+    ):
+        self._send = send
+        self._read = read
+        self.running = False
+        self.ended = False
+        self._loaded: Loaded | None = None
+        self._chip: TimeMachine | None = None
+        self._stop_on_entry = True
+        self._later: list[Message] | None = None
+        """While a request is answered: the events that follow the answer."""
+        self._armed: dict[str, list[Armed]] = {}
+        """By source file, or kind: what stops the chip."""
+        self._requests: dict[str, Callable[[Body], Body | None]] = {
+            "initialize": self._initialize,
+            "launch": self._launch,
+            "restart": self._restart,
+            "setBreakpoints": self._set_breakpoints,
+            "setFunctionBreakpoints": self._set_function_breakpoints,
+            "setInstructionBreakpoints": self._set_instruction_breakpoints,
+            "setExceptionBreakpoints": lambda _: {},
+            "configurationDone": self._configuration_done,
+            "threads": lambda _: {"threads": [{"id": THREAD, "name": "PIC16F84"}]},
+            "stackTrace": self._stack_trace,
+            "scopes": self._scopes,
+            "variables": self._variables,
+            "evaluate": self._evaluate,
+            "disassemble": self._disassemble,
+            "readMemory": self._read_memory,
+            "continue": self._continue,
+            "reverseContinue": self._reverse_continue,
+            "next": self._next,
+            "stepIn": self._step_in,
+            "stepOut": self._step_out,
+            "stepBack": self._step_back,
+            "pause": self._pause,
+            "disconnect": self._end,
+            "terminate": self._end,
+        }
+
+    # Requests
+
+    def handle(self, request: Message) -> None:
+        """Answer a request; what is wrong is an answer, too."""
+        command = str(request.get("command"))
+        answer: Message = {"type": "response", "request_seq": request.get("seq"), "command": command}
+        given = request.get("arguments")
+        later: list[Message] = []
+        self._later = later
+        try:
+            if command not in self._requests:
+                raise InputError("unknown-command", f"'{command}' is not a request of this debugger")
+            body = self._requests[command](given if isinstance(given, dict) else {})
+        except (ServogenError, KeyError, TypeError, ValueError) as error:
+            text = str(error) if isinstance(error, ServogenError) else f"a wrong argument: {error!r}"
+            answer |= {"success": False, "message": text.splitlines()[0], "body": _error(text)}
+        else:
+            answer |= {"success": True, "body": body or {}}
+            self._after(command)
+        self._later = None
+        for message in (answer, *later):
+            self._send(message)
+
+    def _after(self, command: str) -> None:
+        """Add the events that follow an answer."""
+        if command == "initialize":
+            self._event("initialized")
+        if command in ("configurationDone", "restart") and not self.running:
+            self._stopped("entry")
+        if command in ("next", "stepIn", "stepOut", "stepBack") and self._chip is not None:
+            self._stopped("step")
+        if command in ("disconnect", "terminate"):
+            self._event("terminated")
+            self.ended = True
+
+    def run_on(self) -> None:
+        """Run a slice of time; stop at a breakpoint."""
+        chip = self._need_chip()
+        end = chip.now + chip.clock.round_seconds(SLICE_S)
+        hit = next_stop(chip, end, self._all_armed(), self._log)
+        if hit is not None:
+            self.running = False
+            self._stopped("breakpoint", hit.text)
+
+    def _initialize(self, given: Body) -> Body:
+        return dict(CAPABILITIES)
+
+    def _launch(self, given: Body) -> None:
+        unknown = sorted(key for key in given if key not in LAUNCH_KEYS and not key.startswith("_"))
+        known = ("name", "type", "request", "noDebug", "internalConsoleOptions", "preLaunchTask")
+        unknown = [key for key in unknown if key not in known]
+        if unknown:
+            raise InputError(
+                "unknown-key", f"launch: unknown key '{unknown[0]}'", hint=", ".join(LAUNCH_KEYS)
+            )
+        if not isinstance(given.get("program"), str):
+            raise InputError("missing-key", "launch: 'program' is not the path of a HEX, C or assembly file")
+        path = Path(given["program"])
+        program = self._read(path, given.get("device"))
+        clock = clock_of(program, given.get("clock_hz"))
+        options = SimulatorOptions(device=given.get("device") or program.device or SimulatorOptions().device)
+        options = replace(options, floating=int(given.get("floating", 0)))
+        stimulus = load_stimuli(given["stimulus"], clock) if given.get("stimulus") else None
+        held = [Levels(_pin(name), ((0, int(level)),)) for name, level in (given.get("inputs") or {}).items()]
+        if held:
+            stimulus = Stimuli((*held, *(stimulus.sources if stimulus else ())))
+        self._loaded = Loaded(path, replace(program, clock=clock), options, stimulus)
+        self._stop_on_entry = bool(given.get("stopOnEntry", True))
+        self._power_up()
+
+    def _power_up(self) -> None:
+        loaded = self._need_loaded()
+        clock = clock_of(loaded.program, None)
+        image, listing = loaded.program.image, loaded.listing
+        self._chip = TimeMachine(image, clock, loaded.options, loaded.stimulus, listing)
+
+    def _restart(self, given: Body) -> None:
+        self.running = False
+        self._power_up()
+
+    def _set_breakpoints(self, given: Body) -> Body:
+        source = str(given.get("source", {}).get("path") or given.get("source", {}).get("name"))
+        wanted = given.get("breakpoints") or ()
+        texts = [(f"{Path(source).name}:{each['line']}", each) for each in wanted]
+        return self._arm(source, texts)
+
+    def _set_function_breakpoints(self, given: Body) -> Body:
+        """Set breakpoints by name: a function, or an edge or a condition as `watch` has them."""
+        texts = []
+        for each in given.get("breakpoints") or ():
+            name = str(each["name"]).strip()
+            texts.append(
+                (f"{name}()" if re.fullmatch(r"[A-Za-z_]\w*", name) and name not in PINS else name, each)
+            )
+        return self._arm("function", texts)
+
+    def _set_instruction_breakpoints(self, given: Body) -> Body:
+        wanted = given.get("breakpoints") or ()
+        texts = [
+            (f"0x{int(each['instructionReference'], 16) + int(each.get('offset', 0)):03X}", each)
+            for each in wanted
+        ]
+        return self._arm("instruction", texts)
+
+    def _arm(self, group: str, texts: Sequence[tuple[str, Body]]) -> Body:
+        listing = self._need_loaded().listing
+        self._armed[group] = []
+        answers: list[Body] = []
+        for text, each in texts:
+            try:
+                found = armed(parse_breakpoint(text, listing), each, listing)
+            except InputError as error:
+                answers.append({"verified": False, "message": error.message, "line": each.get("line")})
+                continue
+            self._armed[group].append(found)
+            answers.append({"verified": True, "line": each.get("line")})
+        return {"breakpoints": answers}
+
+    def _configuration_done(self, given: Body) -> None:
+        self.running = not self._stop_on_entry
+
+    def _stack_trace(self, given: Body) -> Body:
+        chip = self._need_chip()
+        state = chip.machine.state()
+        returns = [(address - 1) % PROGRAM_WORDS for address in state.stack[: min(state.stack_depth, 8)]]
+        frames = [self._frame(number, address) for number, address in enumerate((state.pc, *returns))]
+        frames[0]["name"] += f" · cycle {chip.now}, {float(chip.clock.seconds(chip.now)) * 1000:.3f} ms"
+        begin = int(given.get("startFrame") or 0)
+        count = int(given.get("levels") or len(frames))
+        return {"stackFrames": frames[begin : begin + count], "totalFrames": len(frames)}
+
+    def _frame(self, number: int, address: int) -> Body:
+        chip = self._need_chip()
+        found = line_at(chip, address)
+        frame: Body = {
+            "id": number,
+            "name": self._function(address),
+            "line": found.line if found else 0,
+            "column": 1 if found else 0,
+            "instructionPointerReference": f"0x{address % PROGRAM_WORDS:03X}",
+        }
+        if found is not None:
+            frame["source"] = self._source(found)
+        return frame
+
+    def _source(self, found: ListedLine) -> Body:
+        beside = self._need_loaded().path.parent / found.file
+        path = Path(found.file) if Path(found.file).is_file() else beside
+        return {"name": Path(found.file).name, "path": str(path.resolve())}
+
+    def _function(self, address: int) -> str:
+        listing = self._need_loaded().listing
+        functions = listing.functions if listing else ()
+        inside = [each.name for each in functions if each.start <= address % PROGRAM_WORDS < each.end]
+        if inside:
+            return inside[0]
+        labels = sorted((start, name) for name, start in (listing.labels if listing else ()))
+        place = bisect_right(labels, (address % PROGRAM_WORDS, "\uffff")) - 1
+        return labels[place][1] if place >= 0 else f"0x{address % PROGRAM_WORDS:03X}"
+
+    def _scopes(self, given: Body) -> Body:
+        names = (("Pins", PINS_OF), ("Registers", REGISTERS), ("Variables", VARIABLES), ("EEPROM", EEPROM))
+        return {
+            "scopes": [
+                {"name": name, "variablesReference": number, "expensive": False, "memoryReference": "ram"}
+                for name, number in names
+            ]
+        }
+
+    def _variables(self, given: Body) -> Body:
+        shown = {
+            PINS_OF: self._pins_shown,
+            REGISTERS: self._registers_shown,
+            VARIABLES: self._variables_shown,
+            EEPROM: self._eeprom_shown,
+        }
+        rows = shown[int(given["variablesReference"])]()
+        return {
+            "variables": [{"name": name, "value": value, "variablesReference": 0} for name, value in rows]
+        }
+
+    def _pins_shown(self) -> list[tuple[str, str]]:
+        machine = self._need_chip().machine
+        driven = machine.levels
+        rows = []
+        for pin, name in enumerate(PINS):
+            by = "driven" if driven[pin] in (0, 1) else "input"
+            rows.append((name, f"{machine.pins >> pin & 1} ({by})"))
+        return rows
+
+    def _registers_shown(self) -> list[tuple[str, str]]:
+        state = self._need_chip().machine.state()
+        rows = [("PC", f"0x{state.pc:03X}"), ("W", _byte(state.w))]
+        return rows + [(name, _byte(value)) for name, value in state.registers.items()]
+
+    def _variables_shown(self) -> list[tuple[str, str]]:
+        listing = self._need_loaded().listing
+        ram = self._need_chip().machine.ram
+        if listing is None or not listing.variables:
+            return [(f"0x{RAM_FIRST + place:02X}", _byte(byte)) for place, byte in enumerate(ram)]
+        names = sorted({name for _, name, _ in listing.variables})
+        return [(name, str(variable(name, listing).number(ram))) for name in names]
+
+    def _eeprom_shown(self) -> list[tuple[str, str]]:
+        cells = self._need_chip().machine.state().eeprom
+        return [(f"0x{place:02X}", _byte(cells[place])) for place in range(EEPROM_BYTES)]
+
+    def _evaluate(self, given: Body) -> Body:
+        """Return a variable, a register, a pin or a byte of RAM; `why RB0` explains a pin's level."""
+        chip, text = self._need_chip(), str(given["expression"]).strip()
+        asked = re.fullmatch(r"why\s+(R[AB]\d)", text, re.IGNORECASE)
+        if asked:
+            return {"result": " ".join(explain_pin(chip, _pin(asked[1].upper()))), "variablesReference": 0}
+        if text.upper() in PINS:
+            return {"result": str(chip.machine.pins >> _pin(text.upper()) & 1), "variablesReference": 0}
+        registers = dict(self._registers_shown())
+        if text.upper() in registers:
+            return {"result": registers[text.upper()], "variablesReference": 0}
+        number = variable(text, self._need_loaded().listing).number(chip.machine.ram)
+        return {"result": str(number), "variablesReference": 0}
+
+    def _disassemble(self, given: Body) -> Body:
+        image = self._need_loaded().program.image
+        begin = int(given["memoryReference"], 16) + int(given.get("instructionOffset") or 0)
+        rows = []
+        for address in range(begin, begin + int(given["instructionCount"])):
+            word = image.program.get(address, 0x3FFF)
+            row: Body = {
+                "address": f"0x{address:03X}" if address >= 0 else "0x000",
+                "instructionBytes": f"{word:04X}",
+                "instruction": assembly_text(word) if 0 <= address < PROGRAM_WORDS else "",
+            }
+            found = line_at(self._need_chip(), address) if 0 <= address < PROGRAM_WORDS else None
+            if found is not None:
+                row |= {"location": self._source(found), "line": found.line}
+            rows.append(row)
+        return {"instructions": rows}
+
+    def _read_memory(self, given: Body) -> Body:
+        """Return bytes of RAM; offsets count from its first byte."""
+        begin = int(given.get("offset") or 0)
+        ram = self._need_chip().machine.ram[max(0, begin) :][: int(given["count"])]
+        return {"address": f"0x{RAM_FIRST + begin:02X}", "data": base64.b64encode(ram).decode()}
+
+    # Running
+
+    def _continue(self, given: Body) -> Body:
+        self._need_chip()
+        self.running = True
+        return {"allThreadsContinued": True}
+
+    def _pause(self, given: Body) -> None:
+        if self.running:
+            self.running = False
+            self._stopped("pause")
+
+    def _reverse_continue(self, given: Body) -> None:
+        hit = back_to(self._need_chip(), self._all_armed())
+        self._stopped("breakpoint" if hit else "entry", hit.text if hit else "power-up")
+
+    def _step_in(self, given: Body) -> None:
+        chip = self._need_chip()
+        if given.get("granularity") == "instruction" or self._need_loaded().listing is None:
+            chip.step(1)
+        else:
+            chip.step_line(forwards=True)
+
+    def _step_back(self, given: Body) -> None:
+        chip = self._need_chip()
+        if given.get("granularity") == "instruction" or self._need_loaded().listing is None:
+            chip.step(-1)
+        else:
+            chip.step_line(forwards=False)
+
+    def _next(self, given: Body) -> None:
+        """Go to the next line of this function, or of the one that called it."""
+        chip = self._need_chip()
+        depth, line = self._depth(), line_at(chip, chip.machine.pc)
+        for _ in range(MAX_STEPS):
+            self._step_in(given)
+            if self._depth() > depth:
+                self._return_to(depth)
+            now = line_at(chip, chip.machine.pc)
+            instruction = given.get("granularity") == "instruction" or self._need_loaded().listing is None
+            if instruction or self._depth() < depth or (now is not None and now != line):
+                return
+
+    def _step_out(self, given: Body) -> None:
+        depth = self._depth()
+        if depth:
+            self._return_to(depth - 1)
+
+    def _return_to(self, depth: int) -> None:
+        """Run until the stack is no deeper: calls that this function makes return before."""
+        chip = self._need_chip()
+        for _ in range(MAX_STEPS):
+            if self._depth() <= depth:
+                return
+            state = chip.machine.state()
+            address = state.stack[self._depth() - depth - 1] % PROGRAM_WORDS
+            if chip.run(chip.now + chip.clock.round_seconds(60), stops={address}) is None:
+                return
+
+    def _depth(self) -> int:
+        return self._need_chip().machine.state().stack_depth
+
+    def _end(self, given: Body) -> None:
+        self.running = False
+
+    # Events
+
+    def _stopped(self, reason: str, text: str = "") -> None:
+        body = {"reason": reason, "threadId": THREAD, "allThreadsStopped": True}
+        self._event("stopped", {**body, "description": text, "text": text} if text else body)
+
+    def _log(self, text: str) -> None:
+        self._event("output", {"category": "console", "output": text + "\n"})
+
+    def _event(self, name: str, body: Mapping[str, object] | None = None) -> None:
+        message = {"type": "event", "event": name, **({"body": dict(body)} if body else {})}
+        if self._later is None:
+            self._send(message)
+        else:
+            self._later.append(message)
+
+    def _all_armed(self) -> list[Armed]:
+        return [each for group in self._armed.values() for each in group]
+
+    def _need_chip(self) -> TimeMachine:
+        if self._chip is None:
+            raise InputError("missing-option", "nothing is debugged yet: the first request is 'launch'")
+        return self._chip
+
+    def _need_loaded(self) -> Loaded:
+        if self._loaded is None:
+            raise InputError("missing-option", "nothing is debugged yet: the first request is 'launch'")
+        return self._loaded
+
+
+def _pin(name: str) -> int:
+    if name not in PINS:
+        raise InputError("unknown-pin", f"there is no pin '{name}'")
+    return PINS.index(name)
+
+
+def _byte(value: int) -> str:
+    return f"{value} (0x{value:02X})"
+
+
+def _error(text: str) -> Body:
+    return {"error": {"id": 1, "format": text, "showUser": True}}
