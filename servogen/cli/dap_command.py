@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 
@@ -20,7 +21,9 @@ def dap() -> None:
     """Debug a program in an editor: speaks the Debug Adapter Protocol on standard input and output."""
     failures: list[str] = []
     session = DebugSession(Messages(sys.stdout.buffer).send, _read)
-    serve(sys.stdin.buffer, session, failures.append)
+    # A stream of its own: Python would wait at its end for the thread that still reads from sys.stdin.
+    stream = os.fdopen(os.dup(sys.stdin.fileno()), "rb")  # never closed: the thread may be reading
+    serve(stream, session, failures.append)
     if failures:
         print(f"servogen dap: {failures[0]}", file=sys.stderr)
         raise typer.Exit(2)

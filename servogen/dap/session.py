@@ -128,8 +128,8 @@ class DebugSession:
                 raise InputError("unknown-command", f"'{command}' is not a request of this debugger")
             body = self._requests[command](given if isinstance(given, dict) else {})
         except (ServogenError, KeyError, TypeError, ValueError) as error:
-            text = str(error) if isinstance(error, ServogenError) else f"a wrong argument: {error!r}"
-            answer |= {"success": False, "message": text.splitlines()[0], "body": _error(text)}
+            text = _told(error) if isinstance(error, ServogenError) else f"a wrong argument: {error!r}"
+            answer |= {"success": False, "message": text, "body": _error(text)}
         else:
             answer |= {"success": True, "body": body or {}}
             self._after(command)
@@ -226,10 +226,10 @@ class DebugSession:
             try:
                 found = armed(parse_breakpoint(text, listing), each, listing)
             except InputError as error:
-                answers.append({"verified": False, "message": error.message, "line": each.get("line")})
+                answers.append({"verified": False, "message": error.message, **_line(each)})
                 continue
             self._armed[group].append(found)
-            answers.append({"verified": True, "line": each.get("line")})
+            answers.append({"verified": True, **_line(each)})
         return {"breakpoints": answers}
 
     def _configuration_done(self, given: Body) -> None:
@@ -433,7 +433,7 @@ class DebugSession:
         self._event("output", {"category": "console", "output": text + "\n"})
 
     def _event(self, name: str, body: Mapping[str, object] | None = None) -> None:
-        message = {"type": "event", "event": name, **({"body": dict(body)} if body else {})}
+        message = {"type": "event", "event": name, "body": dict(body or {})}
         if self._later is None:
             self._send(message)
         else:
@@ -457,6 +457,15 @@ def _pin(name: str) -> int:
     if name not in PINS:
         raise InputError("unknown-pin", f"there is no pin '{name}'")
     return PINS.index(name)
+
+
+def _line(given: Body) -> Body:
+    return {"line": given["line"]} if "line" in given else {}
+
+
+def _told(error: ServogenError) -> str:
+    place = f"{error.location.file}: " if error.location and error.location.file else ""
+    return f"{place}{error.message}" + (f" ({error.hint})" if error.hint else "")
 
 
 def _byte(value: int) -> str:

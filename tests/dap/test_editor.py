@@ -1,0 +1,217 @@
+"""`servogen dap` driven by a client that nobody here wrote: a C program forwards and backwards."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from servogen.dap import DebugSession, ProtocolError, read_message, written
+
+pytest.importorskip("dap", reason="the client is of the extra dev")
+
+from tests.dap.client import Editor
+
+SOURCE = """#include <xc.h>
+#pragma config FOSC = XT, WDTE = OFF, PWRTE = ON, CP = OFF
+#define _XTAL_FREQ 4000000
+unsigned char turns;
+unsigned char twice(unsigned char value)
+{
+    PORTBbits.RB1 = 1;
+    return value + value;
+}
+void main(void)
+{
+    unsigned char sum = 0;
+    TRISB = 0x00;
+    PORTB = 0;
+    while (1) {
+        turns++;
+        sum = twice(turns);
+        PORTB = sum;
+        __delay_us(100);
+    }
+}
+"""
+
+
+def line_of(text: str) -> int:
+    """The number of the line that holds a text."""
+    return next(number for number, line in enumerate(SOURCE.splitlines(), 1) if text in line)
+
+
+@pytest.fixture
+def editor(tmp_path: Path) -> Iterator[Editor]:
+    (tmp_path / "main.c").write_text(SOURCE)
+    editor = Editor(tmp_path)
+    editor.until("initialize")
+    editor.until("InitializedEvent")
+    editor.ask("launch", {"program": "main.c", "stopOnEntry": True})
+    yield editor
+    assert editor.close() == 0
+
+
+def frames(editor: Editor) -> list[Any]:
+    return list(editor.ask("stackTrace", {"threadId": 1})["stackFrames"])
+
+
+def cycle(editor: Editor) -> int:
+    return int(frames(editor)[0]["name"].split("cycle ")[1].split(",")[0])
+
+
+def value(editor: Editor, name: str) -> str:
+    return str(editor.ask("evaluate", {"expression": name})["result"])
+
+
+def go(editor: Editor, command: str, **more: object) -> Any:
+    editor.client.send_request(command, {"threadId": 1, **more})
+    editor.until(command)
+    return editor.until("StoppedEvent")
+
+
+def armed(editor: Editor, *breakpoints: dict[str, object]) -> list[bool]:
+    given = {"source": {"path": "main.c"}, "breakpoints": list(breakpoints)}
+    answer = editor.ask("setBreakpoints", given)
+    return [each["verified"] for each in answer["breakpoints"]]
+
+
+def test_forwards_and_back_to_the_same_cycle(editor: Editor) -> None:
+    line = line_of("sum = twice")
+    assert armed(editor, {"line": line}, {"line": 900}) == [True, False]
+    editor.client.configuration_done()
+    assert editor.until("StoppedEvent").reason == "entry"
+    stops = []
+    for turn in range(1, 4):
+        assert go(editor, "continue").reason == "breakpoint"
+        assert frames(editor)[0]["line"] == line and value(editor, "turns") == str(turn)
+        stops.append(cycle(editor))
+    for turn in (2, 1):
+        assert go(editor, "reverseContinue").reason == "breakpoint"
+        assert value(editor, "turns") == str(turn) and cycle(editor) == stops[turn - 1]
+    assert go(editor, "reverseContinue").reason == "entry"
+    assert cycle(editor) == 0
+
+
+def test_steps_in_over_out_and_back(editor: Editor) -> None:
+    call = line_of("sum = twice")
+    armed(editor, {"line": call})
+    editor.client.configuration_done()
+    editor.until("StoppedEvent")
+    go(editor, "continue")
+    before = cycle(editor)
+    go(editor, "stepIn")
+    inside = frames(editor)
+    assert inside[0]["name"].startswith("twice") and inside[1]["name"] == "main"
+    assert value(editor, "RB1") == "0"
+    lines = [frames(editor)[0]["line"]]
+    while value(editor, "RB1") == "0" and len(lines) < 4:
+        go(editor, "next")
+        lines.append(frames(editor)[0]["line"])
+    assert line_of("PORTBbits.RB1") in lines and value(editor, "RB1") == "1"
+    go(editor, "stepOut")
+    assert frames(editor)[0]["name"].startswith("main")
+    go(editor, "stepBack", granularity="instruction")
+    while frames(editor)[0]["line"] != call or cycle(editor) > before:
+        go(editor, "stepBack")
+    assert cycle(editor) == before
+    go(editor, "next")
+    assert frames(editor)[0]["line"] == line_of("PORTB = sum") and len(frames(editor)) == 1
+
+
+def test_conditions_hits_pins_and_messages(editor: Editor) -> None:
+    line = line_of("sum = twice")
+    armed(editor, {"line": line, "condition": "turns == 5"})
+    editor.client.configuration_done()
+    editor.until("StoppedEvent")
+    go(editor, "continue")
+    assert value(editor, "turns") == "5"
+    armed(editor, {"line": line, "hitCondition": "3"})
+    go(editor, "continue")
+    assert value(editor, "turns") == "8"
+    armed(editor, {"line": line, "logMessage": "turn {turns}"})
+    given = {"breakpoints": [{"name": "RB5 rise"}, {"name": "twice", "condition": "turns > 200"}]}
+    answer = editor.ask("setFunctionBreakpoints", given)
+    assert all(each["verified"] for each in answer["breakpoints"])
+    editor.client.send_request("continue", {"threadId": 1})
+    editor.until("continue")
+    assert editor.until("OutputEvent").output == "turn 9\n"
+    assert editor.until("StoppedEvent").reason == "breakpoint"
+    assert value(editor, "RB5") == "1"
+    assert "is an output" in value(editor, "why RB5")
+
+
+def test_memory_registers_and_machine_code(editor: Editor) -> None:
+    editor.client.configuration_done()
+    editor.until("StoppedEvent")
+    scopes = editor.ask("scopes", {"frameId": 0})["scopes"]
+    assert [each["name"] for each in scopes] == ["Pins", "Registers", "Variables", "EEPROM"]
+    pins = editor.ask("variables", {"variablesReference": 1})["variables"]
+    assert (pins[0]["name"], pins[0]["value"]) == ("RA0", "0 (input)")
+    asked = {"memoryReference": "0x000", "instructionCount": 3}
+    rows = editor.ask("disassemble", asked)["instructions"]
+    assert [row["address"] for row in rows] == ["0x000", "0x001", "0x002"]
+    memory = editor.ask("readMemory", {"memoryReference": "ram", "offset": 0, "count": 4})
+    assert memory["address"] == "0x0C"
+
+
+def test_a_pause_stops_an_endless_run(editor: Editor) -> None:
+    editor.client.configuration_done()
+    editor.until("StoppedEvent")
+    editor.client.send_request("continue", {"threadId": 1})
+    editor.until("continue")
+    editor.client.pause(1)
+    assert editor.until("StoppedEvent").reason == "pause"
+    assert cycle(editor) > 0
+
+
+def answers(*requests: dict[str, object]) -> list[dict[str, Any]]:
+    sent: list[dict[str, Any]] = []
+    session = DebugSession(sent.append)
+    for number, request in enumerate(requests, 1):
+        session.handle({"type": "request", "seq": number, **request})
+    return [message for message in sent if message["type"] == "response"]
+
+
+@pytest.mark.parametrize(
+    ("request_of", "message"),
+    [
+        ({"command": "fly"}, "'fly' is not a request"),
+        ({"command": "next", "arguments": {"threadId": 1}}, "the first request is 'launch'"),
+        ({"command": "launch", "arguments": {}}, "'program' is not the path"),
+        ({"command": "launch", "arguments": {"program": "none.c"}}, "none.c"),
+        ({"command": "launch", "arguments": {"program": "x.c", "stimuls": "y"}}, "unknown key 'stimuls'"),
+        ({"command": "launch", "arguments": []}, "'program' is not the path"),
+        ({"command": "disassemble", "arguments": {"memoryReference": "0x0"}}, "the first request is"),
+    ],
+)
+def test_what_is_wrong_is_an_answer(request_of: dict[str, object], message: str) -> None:
+    (answer,) = answers(request_of)
+    assert not answer["success"] and message in answer["message"]
+
+
+@pytest.mark.parametrize(
+    ("raw", "message"),
+    [
+        (b"Content-Length: many\r\n\r\n{}", "is not a length"),
+        (b"Content-Length: 99999999999\r\n\r\n{}", "is not a length"),
+        (b"Host: x\r\n\r\n{}", "no Content-Length"),
+        (b"Content-Length: 2\r\n\r\n{x", "not JSON"),
+        (b"Content-Length: 2\r\n\r\n[]", "not an object"),
+    ],
+)
+def test_what_is_not_a_message_is_named(raw: bytes, message: str) -> None:
+    with pytest.raises(ProtocolError, match=message):
+        read_message(io.BytesIO(raw))
+
+
+def test_messages_survive_the_wire() -> None:
+    wire = io.BytesIO(written({"seq": 1, "text": "µs"}) + written({"seq": 2}))
+    assert [read_message(wire), read_message(wire), read_message(wire)] == [
+        {"seq": 1, "text": "µs"},
+        {"seq": 2},
+        None,
+    ]
