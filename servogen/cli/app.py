@@ -38,6 +38,7 @@ GROUPS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         "compile_command": ("compile",),
         "assembly_commands": ("assemble", "disassemble"),
         "simulate_command": ("simulate",),
+        "dap_command": ("dap",),
         "signal_commands": ("verify", "measure", "plot"),
         "prove_command": ("prove",),
         "certificate_command": ("check-certificate",),

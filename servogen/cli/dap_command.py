@@ -13,10 +13,6 @@ from servogen.dap import DebugSession, Messages, serve
 from servogen.programs import Program
 
 
-def register(app: typer.Typer) -> None:
-    app.command()(dap)
-
-
 def dap() -> None:
     """Debug a program in an editor: speaks the Debug Adapter Protocol on standard input and output."""
     failures: list[str] = []
