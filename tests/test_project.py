@@ -53,12 +53,12 @@ def test_an_excluded_version_would_be_seen() -> None:
 
 
 def test_every_folder_of_tests_is_collected(request: pytest.FixtureRequest) -> None:
-    """By default pytest skips folders that are named `build`, among others."""
+    """By default pytest skips folders with some names, such as `dist`."""
     skipped = request.config.getini("norecursedirs")
     folders = {
         part for path in (ROOT / "tests").rglob("test_*.py") for part in path.relative_to(ROOT).parts[:-1]
     }
-    assert "workflows" in found
+    assert "workflows" in folders
     assert not [folder for folder in sorted(folders) if any(fnmatch(folder, each) for each in skipped)]
 
 
