@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import re
 import subprocess
-from collections import defaultdict
 from collections.abc import Iterable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from servogen.edges import PINS
 from servogen.pic.image import Image, to_hex
 from servogen.simulator import MachineState
 
@@ -21,6 +21,8 @@ GPSIM_CASES = {"selects in the EEPROM", "resets itself", "any EEPROM, one servo"
 """Of `attack_programs`: counted cycles, inputs that are polled, the EEPROM read."""
 REGISTERS = {1: "TMR0", 3: "STATUS", 4: "FSR", 5: "PORTA", 6: "PORTB", 8: "EEDATA", 9: "EEADR", 11: "INTCON"}
 """In this order: a write of a port sets INTCON's flags."""
+SERVO = "RB1"
+"""The only output."""
 LOGGED = re.compile(r"^0x([0-9A-F]{16}) |Wrote: 0x00([0-9A-F]{2}) to (port[ab]|tris[ab])\(", re.MULTILINE)
 
 
@@ -30,7 +32,8 @@ def gpsim_levels(
     """Return (cycle, levels of all driven pins) at each change within `end` cycles of a chip that begins with
     the values of `start`, while pins from outside change: (cycle, pin, level).
     """
-    levels = defaultdict(list)
+    # An input without a stimulus would have its latch's level.
+    levels = {pin: ["1, 0"] for pin in range(len(PINS)) if PINS[pin] != SERVO}
     for cycle, pin, level in changes:
         levels[pin].append(f"{cycle}, {level}")
     stimuli = [
