@@ -188,7 +188,13 @@ BEFORE, SAMPLE, STAMP = -300, 10, 30
 
 
 def looked(
-    last: Kind, look: Kind, *, answers: bool = False, before: int = BEFORE, receiving: int | None = None
+    last: Kind,
+    look: Kind,
+    *,
+    answers: bool = False,
+    before: int = BEFORE,
+    receiving: int | None = None,
+    others: tuple[int, ...] = (),
 ) -> tuple[set[str], set[tuple[int, int, int]], set[tuple[int, int]]]:
     """An interrupt that looks once, after another look: the kinds of its last look, and the gaps noted."""
     code = Round({4: encode("CALL", k=0x60), 5: encode("RETFIE")}, OF_INTERRUPT, 0x60, 0x70, 9)
@@ -198,7 +204,8 @@ def looked(
     known = {OF_INTERRUPT["ticks"]: 101}
     if receiving is not None:
         known[OF_INTERRUPT["rx_bits"]] = receiving
-    ends = one.run([Beginning(2, LastLook(last, before, before + 5))], known)
+    begins = [Beginning(2, LastLook(last, sample, sample + 5)) for sample in (before, *others)]
+    ends = one.run(begins, known)
     return {end.last.kind for end in ends}, one.starts, one.waits
 
 
@@ -243,3 +250,10 @@ def test_gaps_are_those_before_a_start_and_within_a_byte() -> None:
         _, starts, waits = looked(last, kind)
         assert starts == (start if kind == START and last in (HUNT, BIT) else set()), (last, kind)
         assert waits == (wait if kind in (WAIT, BIT) and last in (START, WAIT, BIT) else set()), (last, kind)
+
+
+def test_of_two_looks_the_earlier_one_stands_for_both() -> None:
+    """It can do all that the later one can, and the gap that it ends is larger."""
+    (far,), (near,) = (looked(HUNT, START, before=before)[1] for before in (-60, -50))
+    assert looked(HUNT, START, before=-50, others=(-60,))[1] == {far, near}
+    assert far[2] == near[2] + 10 and far in looked(HUNT, START, before=-60, others=(-50,))[1]
