@@ -202,8 +202,9 @@ def _pulse_words(servo: Servo, given: Commanded, number: int, asked: Sequence[tu
     if not servo.allows(angle):
         takes = f"the {servo.model.title} takes {shortest:g} to {longest:g} µs"
         return f"'{servo.name}' gets pulses of {width:g} µs; {takes}"
-    for name in model_names():
-        model = servo_model(name)
+    models = [servo_model(name) for name in model_names()]
+    # Many servos take the same widths: those of the labs are the likeliest in a lab.
+    for model in sorted(models, key=lambda model: not model.source.startswith("lab:")):
         if model.name == servo.model.name or model.continuous:
             continue
         if any(low <= model.calibration.angle(width) <= high for low, high in asked):

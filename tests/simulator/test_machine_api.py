@@ -273,13 +273,13 @@ def test_counts_are_of_addresses_and_stop_at_a_breakpoint() -> None:
 def test_a_servo_moves_at_its_speed_towards_what_the_last_pulse_commanded() -> None:
     """At 8 MHz a cycle is half a microsecond; 1000 µs is 0 rad, 2000 µs is 2 rad; 10 rad/s."""
     load = ServoLoad((1000.0, 2000.0), (0.0, 2.0), speed=10.0, start=1.0)
-    rows = [(0, RB0, HIGH), (3000, RB0, LOW), (40_000, RB0, HIGH), (41_000, RB1, HIGH), (44_000, RB0, LOW),
+    rows = [(10, RB0, HIGH), (3010, RB0, LOW), (40_000, RB0, HIGH), (41_000, RB1, HIGH), (44_000, RB0, LOW),
             (80_000, RB0, HIGH), (81_000, RB0, HIGH), (82_000, RB0, LOW), (83_000, RB0, LOW),
             (900_000, RB0, HIGH), (902_000, RB0, LOW)]  # fmt: skip
     chunk = edge_chunk(*zip(*rows, strict=True))
     found = list(load.positions([chunk], Clock(8_000_000), RB0))
     assert [(each.cycle, each.width) for each in found] == [
-        (3000, 3000), (44_000, 4000), (82_000, 2000), (902_000, 2000),
+        (3010, 3000), (44_000, 4000), (82_000, 2000), (902_000, 2000),
     ]  # fmt: skip
     assert [each.commanded for each in found] == pytest.approx([1.0, 2.0, 0.0, 0.0])
     # 38 000 cycles are 19 ms: 0.19 rad from 1 towards 2; then there is time enough.
