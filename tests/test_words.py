@@ -67,6 +67,15 @@ ALLOWED = {
     "servogen/cli/build_commands.py": ("prove", "proven", "proof"),  # `build --prove` and its column
     "servogen/engines/stream/response.py": ("proven",),  # a lemma of `prove --any-line`
     "servogen/report/text.py": ("servogen prove",),
+    # The certificate's answer, beside a verdict on one run.
+    "servogen/watch/subject.py": ("Return what is proven of",),
+    "servogen/watch/server.py": ("what is proven of it",),
+    "servogen/workflows/reporting.py": ("checking a proof", "what is proven of the job's own program"),
+    "servogen/cli/signal_commands.py": ('next_step("prove"',),
+    "docs/watch.md": ("what is [proven](proof.md) of all runs",),
+    "docs/your-robot.md": ("build my.toml --prove",),
+    "docs/platforms.md": ("the chip of the proof checker",),
+    "CONTRIBUTING.md": ("for every analysis and proof",),
 }
 """Lines about the theorem in files about other things, by a part of them."""
 
