@@ -53,23 +53,28 @@ Included = Callable[[str, str], Path | None]
 
 @dataclass(frozen=True)
 class Program:
-    """A program to run; programs from HEX files have no listing, and only C can state the clock."""
+    """A program to run; one from a HEX file has a listing if a file beside it has its names, and only C can
+    state the clock.
+    """
 
     image: Image
     listing: Listing | None = None
     clock: Clock | None = None
     remarks: tuple[Diagnostic, ...] = ()
-    """Warnings about a HEX file that can be read nevertheless."""
+    """Warnings about a HEX file that can be read nevertheless, and about the files beside it."""
     warnings: tuple[Diagnostic, ...] = ()
     """The warnings of the compiler or the assembler."""
     device: str | None = None
     """The chip that it was built for, where a job or the schedule of a build says it, or where its C (by a
     header or its clock) or its assembly (`list p=16f84a`) asks for another one than the default.
     """
+    names: tuple[str, ...] = ()
+    """The files beside a HEX file that its names and lines are from."""
 
     def __repr__(self) -> str:
         clock = f" at {self.clock.hz / 1e6:g} MHz" if self.clock else ""
-        return f"<Program of {counted(self.image.words, 'word')}{clock}>"
+        names = f" with names from {' and '.join(self.names)}" if self.names else ""
+        return f"<Program of {counted(self.image.words, 'word')}{clock}{names}>"
 
     def _repr_html_(self) -> str:
         functions = self.listing.functions if self.listing else ()
@@ -160,7 +165,7 @@ def within_limits(
 
 
 def compile_program(path: Path, device_name: str | None = None, included: Included | None = None) -> Program:
-    """Return the program in a HEX, C or assembly file.
+    """Return the program in a HEX, C or assembly file; that of a HEX has the names that files beside it give.
 
     `included` finds the include files of a student. The device defaults to the one that the source names,
     else to the PIC16F84. Time and memory are not limited here: see `read_program`. Raises InputError.
@@ -192,7 +197,12 @@ def compile_program(path: Path, device_name: str | None = None, included: Includ
     from servogen.pic.image import read_hex
 
     file = read_hex(read_source(path), str(path))
-    return Program(file.image, remarks=file.remarks)
+    if included is not None:  # a student's: only the file itself
+        return Program(file.image, remarks=file.remarks)
+    from servogen.pic.symbols import names_beside
+
+    found = names_beside(path, file.image)
+    return Program(file.image, found.listing, remarks=(*file.remarks, *found.warnings), names=found.files)
 
 
 def _unusual(built_for: Device) -> str | None:

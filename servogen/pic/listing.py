@@ -1,15 +1,25 @@
 """`Listing`: maps each word to its source line and its cost.
 
-In: rows and functions, from the compiler or the assembler. Out: the text of a .lst file, always the same for
-the same values; the simulator's trace and profile read the values themselves.
+In: rows and functions, from the compiler, the assembler or the files beside a HEX. Out: the text of a .lst
+file, always the same for the same values; the simulator's trace and profile read the values themselves.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, RAM_FIRST, RAM_LAST
+from servogen.pic.device import (
+    INTERRUPT_VECTOR,
+    PROGRAM_WORDS,
+    RAM_BYTES,
+    RAM_FIRST,
+    RAM_LAST,
+    RESET_VECTOR,
+)
+from servogen.pic.isa import decode
+
+VECTORS = {RESET_VECTOR: "reset", INTERRUPT_VECTOR: "interrupt"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +83,38 @@ class Listing:
         if len(addresses) != 1:
             raise LookupError(f"{len(addresses)} variables are called {name}")
         return addresses[0]
+
+
+def routines(rows: Sequence[ListingRow], labels: Mapping[int, str]) -> tuple[ListedFunction, ...]:
+    """Return the routines: the targets of calls and vectors, and where each ends.
+
+    Assembly has no functions: a routine is assumed to extend from its label to the next routine or to a gap.
+    `labels` are names by address; a row without cycles is data, which belongs to no routine.
+    """
+    words = {row.address: row.word for row in rows if row.cycles}
+    starts = {address: name for address, name in _starts(words, labels).items() if address in words}
+    listed = []
+    for start, name in sorted(starts.items()):
+        end = start + 1
+        while end in words and end not in starts:
+            end += 1
+        listed.append(ListedFunction(name, start, end))
+    return tuple(listed)
+
+
+def _starts(words: Mapping[int, int], labels: Mapping[int, str]) -> dict[int, str]:
+    """Return each routine's first address and its name."""
+    starts = {address: labels.get(address, name) for address, name in VECTORS.items() if address in words}
+    if INTERRUPT_VECTOR in starts and INTERRUPT_VECTOR not in labels and INTERRUPT_VECTOR - 1 in words:
+        del starts[INTERRUPT_VECTOR]  # the program runs through the vector: it has no interrupt routine
+    for address, word in words.items():
+        decoded = decode(word)
+        if decoded is None or not decoded.instruction.has_target:
+            continue
+        called = decoded.instruction.flow == "call"
+        if called or address in VECTORS:
+            starts.setdefault(decoded.k, labels.get(decoded.k, f"at_{decoded.k:03x}"))
+    return starts
 
 
 def listing_text(listing: Listing) -> str:

@@ -21,19 +21,14 @@ from servogen.pic.assembler.state import Include, Pass
 from servogen.pic.assembler.symbols import Symbols
 from servogen.pic.device import (
     DEVICES,
-    INTERRUPT_VECTOR,
     PROGRAM_WORDS,
     RAM_FIRST,
     RAM_LAST,
-    RESET_VECTOR,
     Device,
 )
 from servogen.pic.image import Image
-from servogen.pic.isa import decode
-from servogen.pic.listing import ListedFunction, Listing, ListingRow
+from servogen.pic.listing import Listing, ListingRow, routines
 from servogen.pic.spelling import assembly_text, cycles_text
-
-VECTORS = {RESET_VECTOR: "reset", INTERRUPT_VECTOR: "interrupt"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,35 +147,3 @@ def _rows(state: Pass) -> tuple[ListingRow, ...]:
 def _variables(state: Pass) -> tuple[tuple[int, str, int], ...]:
     """Return the entries of CBLOCK that lie in RAM: the variables of an assembly source."""
     return tuple(sorted(block for block in state.blocks if RAM_FIRST <= block[0] <= RAM_LAST))
-
-
-def routines(rows: Sequence[ListingRow], labels: Mapping[int, str]) -> tuple[ListedFunction, ...]:
-    """Return the routines: the targets of calls and vectors, and where each ends.
-
-    Assembly has no functions: a routine is assumed to extend from its label to the next routine or to a gap.
-    `labels` are names by address; a row without cycles is data, which belongs to no routine.
-    """
-    words = {row.address: row.word for row in rows if row.cycles}
-    starts = {address: name for address, name in _starts(words, labels).items() if address in words}
-    listed = []
-    for start, name in sorted(starts.items()):
-        end = start + 1
-        while end in words and end not in starts:
-            end += 1
-        listed.append(ListedFunction(name, start, end))
-    return tuple(listed)
-
-
-def _starts(words: Mapping[int, int], labels: Mapping[int, str]) -> dict[int, str]:
-    """Return each routine's first address and its name."""
-    starts = {address: labels.get(address, name) for address, name in VECTORS.items() if address in words}
-    if INTERRUPT_VECTOR in starts and INTERRUPT_VECTOR not in labels and INTERRUPT_VECTOR - 1 in words:
-        del starts[INTERRUPT_VECTOR]  # the program runs through the vector: it has no interrupt routine
-    for address, word in words.items():
-        decoded = decode(word)
-        if decoded is None or not decoded.instruction.has_target:
-            continue
-        called = decoded.instruction.flow == "call"
-        if called or address in VECTORS:
-            starts.setdefault(decoded.k, labels.get(decoded.k, f"at_{decoded.k:03x}"))
-    return starts

@@ -1,0 +1,57 @@
+"""`ProgramNames`: what a file beside a HEX says of the program, in the terms of all formats.
+
+In: what a reader of one format found. Out: a value that can be compared with the words of the HEX.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+from servogen.errors import InputError, Location
+from servogen.pic.device import RAM_FIRST, RAM_LAST
+
+MIRROR = 0x80
+"""Bank 1 shows the same bytes of RAM (DS35007 section 2.2)."""
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramNames:
+    """The names and lines of one program. Addresses are of words in the program and of bytes in RAM."""
+
+    words: Mapping[int, int | None]
+    """The words of the program by address; None where the file says only that there is a word."""
+    labels: tuple[tuple[str, int], ...] = ()
+    functions: tuple[tuple[str, int, int], ...] = ()
+    """(name, start, end) of functions whose ends the file states."""
+    variables: tuple[tuple[int, str, int], ...] = ()
+    """(address, name, bytes)."""
+    lines: Mapping[int, tuple[str, int]] = field(default_factory=dict)
+    """(source file, line) of an address at which the code of a line begins."""
+
+
+def damaged(file: str, problem: str, line: int | None = None) -> InputError:
+    return InputError("names-damaged", problem, Location(file, line))
+
+
+def in_ram(address: int) -> int | None:
+    """Return the address in bank 0 of a byte of RAM; None for a register and whatever else is no RAM."""
+    address &= ~MIRROR
+    return address if RAM_FIRST <= address <= RAM_LAST else None
+
+
+def sized(
+    found: Iterable[tuple[int, str]], sections: Iterable[range], marks: Iterable[int] = ()
+) -> tuple[tuple[int, str, int], ...]:
+    """Return variables with sizes: each extends to the next variable or mark in its section, or to the end of
+    the section. One that lies in no section counts as one byte.
+    """
+    known = sorted(set(found))
+    bounds = {address for address, _ in known} | set(marks)
+    spans = tuple(sections)
+    result = []
+    for address, name in known:
+        stop = next((span.stop for span in spans if address in span), address + 1)
+        end = min((bound for bound in bounds if address < bound < stop), default=stop)
+        result.append((address, name, end - address))
+    return tuple(result)
