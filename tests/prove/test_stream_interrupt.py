@@ -88,6 +88,14 @@ def listing_of(text: str):  # type: ignore[no-untyped-def]
             "    movf    _ticks, W\n    sublw   16",
             "^after the rise of a pulse of 1 round",
         ),
+        # After a fall that takes over the next round, the interrupt ends too late for a rise in the round
+        # behind that one, though not for a round without an edge.
+        (
+            "    subwf   _ticks, F\n    call    st_look\n    goto    st_whole_round",
+            "    subwf   _ticks, F\n    movlw   60\n    movwf   _t\n    decfsz  _t, F\n    goto    $-1\n"
+            "    goto    st_out",
+            "a rise is in cycle 419",
+        ),
         # A bit's time.
         ("movlw   104", "movlw   103", "the receiver's clock"),
         # A bit is sampled too late.
