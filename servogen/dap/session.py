@@ -182,6 +182,8 @@ class DebugSession:
             stimulus = Stimuli((*held, *(stimulus.sources if stimulus else ())))
         self._loaded = Loaded(path, replace(program, clock=clock), options, stimulus)
         self._stop_on_entry = bool(given.get("stopOnEntry", True))
+        for remark in program.remarks:
+            self._log(str(remark))
         self._power_up()
 
     def _power_up(self) -> None:
@@ -376,14 +378,14 @@ class DebugSession:
 
     def _step_in(self, given: Body) -> None:
         chip = self._need_chip()
-        if given.get("granularity") == "instruction" or self._need_loaded().listing is None:
+        if self._by_instruction(given):
             chip.step(1)
         else:
             chip.step_line(forwards=True)
 
     def _step_back(self, given: Body) -> None:
         chip = self._need_chip()
-        if given.get("granularity") == "instruction" or self._need_loaded().listing is None:
+        if self._by_instruction(given):
             chip.step(-1)
         else:
             chip.step_line(forwards=False)
@@ -397,9 +399,12 @@ class DebugSession:
             if self._depth() > depth:
                 self._return_to(depth)
             now = line_at(chip, chip.machine.pc)
-            instruction = given.get("granularity") == "instruction" or self._need_loaded().listing is None
-            if instruction or self._depth() < depth or (now is not None and now != line):
+            if self._by_instruction(given) or self._depth() < depth or (now is not None and now != line):
                 return
+
+    def _by_instruction(self, given: Body) -> bool:
+        """Return whether a step is one instruction: as asked for, or because nothing tells the lines."""
+        return given.get("granularity") == "instruction" or not self._need_chip().lines
 
     def _step_out(self, given: Body) -> None:
         depth = self._depth()

@@ -94,7 +94,7 @@ class Subject:
     robot: Mapping[str, object] | None = None
     """What the pulses move; None: what the job or the schedule states."""
     remarks: tuple[Diagnostic, ...] = ()
-    """The compiler's warnings."""
+    """The warnings of the compiler, or about a HEX file and the files beside it."""
 
     @property
     def name(self) -> str:
@@ -148,7 +148,7 @@ def _loaded(path: Path, setting: Setting, progress: Callable[[str], None]) -> Su
             stimuli,
             schedule=schedule,
             job=job,
-            remarks=program.warnings,
+            remarks=(*program.remarks, *program.warnings),
         )
         return _compared(subject, progress)
     progress("reading")

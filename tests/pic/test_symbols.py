@@ -16,6 +16,7 @@ from servogen.inputs import MAX_TEXT_BYTES
 from servogen.pic.assembler import assemble
 from servogen.pic.image import Image, to_hex
 from servogen.programs import Program, read_program, read_submission
+from servogen.testing.chip import Board, Chip
 from servogen.units import Clock
 
 needs_gpasm = pytest.mark.skipif(shutil.which("gpasm") is None, reason="gpasm is not installed")
@@ -212,6 +213,17 @@ def test_the_symbols_of_xc8_are_the_names_of_the_c(tmp_path: Path) -> None:
     assert [row.line for row in program.listing.rows] == [12, 12, 13, 13, 20, 20, 20]
     assert program.listing.sources == ((str(tmp_path / "blink.X" / "main.c"), "int duty;\n"),)
     assert "l77" not in dict(program.listing.labels)
+
+
+def test_a_test_of_a_hex_knows_variables_functions_and_the_line_of_c(tmp_path: Path) -> None:
+    """The C is shown as `main.c`: it is not beside the HEX."""
+    program = read(tmp_path, {".sym": SYM})
+    chip = Chip(Board("prog.hex", program.image, Clock(4_000_000), program.listing))
+    chip.run_until("delay()", within_ms=1)
+    assert chip.variable("duty") == 0x42
+    assert "main.c:20" in str(chip.line)
+    chip.run_until("main.c:13", within_ms=1)
+    assert chip.array("count") == [7, 0]
 
 
 def test_the_map_of_sdcc_gives_names_without_its_prefix(tmp_path: Path) -> None:
