@@ -150,7 +150,7 @@ def test_what_gpasm_writes_names_the_chip_that_runs(tmp_path: Path) -> None:
     (tmp_path / "prog.asm").write_text(SOURCE)
     run_by_tool(tmp_path, "gpasm", "prog.asm")
     program = read_program(tmp_path / "prog.hex")
-    assert program.remarks == () and "prog.cod" in repr(program)
+    assert program.remarks == () and repr(program).endswith("with names from prog.cod and prog.lst>")
     assert program.listing is not None
     assert variables(program) == {"duty": (0x0C, 1), "count": (0x0D, 1)}
     assert dict(program.listing.labels) == {"main": 0, "loop": 2, "delay": 4}
@@ -159,6 +159,52 @@ def test_what_gpasm_writes_names_the_chip_that_runs(tmp_path: Path) -> None:
     chip.run(20)
     assert variable("duty", program.listing).number(chip.machine.ram) == 0x42
     assert str(line_at(chip, 1)) == "prog.asm:8: movwf duty"
+
+
+@needs_gpasm
+def test_the_listing_of_gpasm_names_a_program_whose_cod_is_lost(tmp_path: Path) -> None:
+    """An included file is numbered from 1 again, so that the lines are those of the listing."""
+    (tmp_path / "part.inc").write_text("part\tmovlw 1\n return\n")
+    text = SOURCE.replace("delay  ", ' include "part.inc"\ntable dt "hello"\ndelay  ')
+    (tmp_path / "prog.asm").write_text(text)
+    run_by_tool(tmp_path, "gpasm", "prog.asm")
+    from_cod = read_program(tmp_path / "prog.hex")
+    (tmp_path / "prog.cod").unlink()
+    program = read_program(tmp_path / "prog.hex")
+    assert program.names == ("prog.lst",) and program.remarks == ()
+    assert program.listing is not None and from_cod.listing is not None
+    assert program.listing.labels == from_cod.listing.labels
+    assert program.listing.variables == from_cod.listing.variables
+    listed = (tmp_path / "prog.lst").read_text().splitlines()
+    shown = [listed[row.line - 1] for row in program.listing.rows if row.line]
+    assert "movwf duty" in shown[1] and "part" in shown[4] and "3468 3465 346C" in shown[6]
+
+
+def test_the_listing_of_an_old_gpasm_has_narrower_columns(tmp_path: Path) -> None:
+    rows = [f"{at:06X} {word:04X}    {ROWS[at]:05} main  x" for at, word in image_of().program.items()]
+    head = [
+        "gpasm-0.10.6 alpha              prog.asm",
+        "",
+        "  0000000C     00003 duty",
+        "000000         00006  org 0",
+    ]
+    program = read(tmp_path, {".lst": "\n".join([*head, *rows])})
+    assert program.listing is not None and program.remarks == ()
+    assert variables(program) == {"duty": (0x0C, 1)}
+    assert program.listing.label("main") == 0
+    assert [row.line for row in program.listing.rows] == [5, 6, 7, 8, 9, 10, 11]
+
+
+@needs_gpasm
+def test_the_listing_of_another_program_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "prog.asm").write_text(SOURCE)
+    run_by_tool(tmp_path, "gpasm", "prog.asm")
+    (tmp_path / "prog.cod").unlink()
+    program = read(tmp_path, {}, Image({**image_of().program, 4: image_of().program[4] ^ 1}))
+    assert program.listing is None
+    assert "word 0x004 is 0x3007 there and 0x3006" in program.remarks[0].message
+    (tmp_path / "prog.lst").write_text((tmp_path / "prog.lst").read_text()[:200])
+    assert [each.code for each in read(tmp_path, {}).remarks] == ["names-damaged"]
 
 
 @needs_gpasm

@@ -17,11 +17,12 @@ from servogen.pic.image import Image
 from servogen.pic.listing import ListedFunction, Listing, ListingRow, routines
 from servogen.pic.spelling import assembly_text, cycles_text
 from servogen.pic.symbols.cod import read_cod
+from servogen.pic.symbols.gpasm_lst import is_gpasm_lst, read_gpasm_lst
 from servogen.pic.symbols.gplink_map import is_gplink_map, read_gplink_map
 from servogen.pic.symbols.names import ProgramNames
 from servogen.pic.symbols.xc8_sym import read_xc8_sym
 
-SOURCE_SUFFIXES = (".c", ".h", ".asm", ".inc", ".s", ".as", ".src")
+SOURCE_SUFFIXES = (".c", ".h", ".asm", ".inc", ".s", ".as", ".src", ".lst")
 OUTPUT_FOLDERS = frozenset(["production", "debug", "default", "dist", "build"])
 """Where MPLAB X writes a HEX: the sources are above these folders."""
 
@@ -65,6 +66,11 @@ def _map(raw: bytes, file: str) -> ProgramNames | None:
     return read_gplink_map(text, file) if is_gplink_map(text) else None
 
 
+def _lst(raw: bytes, file: str) -> ProgramNames | None:
+    text = raw.decode("latin-1")
+    return read_gpasm_lst(text, file) if is_gpasm_lst(text) else None
+
+
 def _sym(raw: bytes, file: str) -> ProgramNames | None:
     return read_xc8_sym(raw.decode("latin-1"), file)
 
@@ -73,6 +79,7 @@ READERS: Mapping[str, Callable[[bytes, str], ProgramNames | None]] = {
     ".cod": read_cod,
     ".map": _map,
     ".sym": _sym,
+    ".lst": _lst,
 }
 """The readers, by the suffix of their files; None from a file of another tool."""
 

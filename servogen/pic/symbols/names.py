@@ -47,11 +47,10 @@ def sized(
     the section. One that lies in no section counts as one byte.
     """
     known = sorted(set(found))
-    bounds = {address for address, _ in known} | set(marks)
-    spans = tuple(sections)
-    result = []
-    for address, name in known:
+    addresses = {address for address, _ in known}
+    bounds, spans = addresses | set(marks), tuple(sections)
+    sizes = {}
+    for address in addresses:  # at most one for each byte of RAM, however many names there are
         stop = next((span.stop for span in spans if address in span), address + 1)
-        end = min((bound for bound in bounds if address < bound < stop), default=stop)
-        result.append((address, name, end - address))
-    return tuple(result)
+        sizes[address] = min((bound for bound in bounds if address < bound < stop), default=stop) - address
+    return tuple((address, name, sizes[address]) for address, name in known)
