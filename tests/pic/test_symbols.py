@@ -358,7 +358,7 @@ def test_no_damage_stops_the_program_from_being_read(tmp_path: Path) -> None:
     rng = random.Random(84)
     files: dict[str, bytes] = {".cod": cod_of(image_of()), ".map": MAP.encode(), ".sym": SYM.encode()}
     for _ in range(25):
-        damaged = {}
+        damaged: dict[str, bytes | str] = {}
         for suffix, raw in files.items():
             changed = bytearray(raw[: rng.randrange(len(raw) + 1)] if rng.random() < 0.5 else raw)
             for _ in range(rng.randrange(4) if changed else 0):
@@ -386,4 +386,4 @@ def test_a_source_outside_the_folder_of_the_hex_is_not_read(tmp_path: Path) -> N
 def test_a_students_hex_gets_no_names_from_other_files(tmp_path: Path) -> None:
     read(tmp_path, {".map": MAP})
     file = tmp_path / "prog.hex"
-    assert read_submission(Submission("a student", file, (file,))).listing is None
+    assert read_submission(Submission("a student", file, tmp_path)).listing is None
