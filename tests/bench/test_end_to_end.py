@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from servogen.compiler import Options, Source, compile_sources
+from servogen.native import parts
 from servogen.pic.device import device
 from servogen.pic.image import to_hex
 from tests.bench.conftest import ROOT, Bench, Run, image_of, running
@@ -59,9 +60,8 @@ def cloned(folder: Path) -> Path:
     if not (shutil.which("git") and shutil.which("make") and (ROOT / ".git").exists()):
         pytest.skip("needs git, make and a clone of the repository")
     subprocess.run(["git", "clone", "--quiet", "--depth", "1", ROOT.as_uri(), folder], check=True)
-    compiled = Path("servogen") / "simulator" / "__pycache__"  # of the same sources; else compiled anew, 8 s
-    if (ROOT / compiled).exists():
-        shutil.copytree(ROOT / compiled, folder / compiled)
+    for part in parts():  # an installation compiles them; these are of the same sources
+        shutil.copy(part.library, folder / part.library.relative_to(ROOT))
     return folder
 
 
