@@ -46,6 +46,8 @@ def command(request: pytest.FixtureRequest) -> str:
 def replace_tool(monkeypatch: pytest.MonkeyPatch, work: Callable[..., None]) -> None:
     monkeypatch.setattr(servogen.compiler, "compile_sources", work)
     monkeypatch.setattr(servogen.pic.assembler, "assemble", work)
+    monkeypatch.setattr("servogen.cli.compile_command.compile_sources", work)
+    monkeypatch.setattr("servogen.cli.assembly_commands.assembled", work)
 
 
 @pytest.mark.parametrize(

