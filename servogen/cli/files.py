@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from servogen import programs
 from servogen.cli.show import warn
@@ -15,7 +15,9 @@ from servogen.outputs import write_text
 from servogen.pic.image import Image, read_hex, to_hex
 from servogen.pic.listing import Listing, listing_text
 from servogen.programs import Program, read_schedule
-from servogen.pulse import PulseSchedule
+
+if TYPE_CHECKING:
+    from servogen.pulse import PulseSchedule  # which loads the planner: a HEX file does not need it
 
 T = TypeVar("T")
 

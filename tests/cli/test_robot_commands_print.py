@@ -443,5 +443,5 @@ def test_a_robot_is_written_to_a_file_whose_name_is_printed(run: Run, tmp_path: 
     assert (nameless.code, nameless.out, path.exists()) == (2, "", False)
     assert "which robot should be written?" in nameless.err
     written = run("robots", "scara", option, path)
-    assert (written.code, written.out.splitlines()[-1]) == (0, str(path))
+    assert written.code == 0 and str(path) in written.out
     assert path.read_text().startswith("<")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import logging
 import os
 import re
 import sys
@@ -93,13 +92,6 @@ def test_the_exit_code_of_build_is_its_verdict(
     ran = run("build", JOBS / "lab8-exercise.toml", "--output", tmp_path / "out")
     assert ran.code == (0 if exact else 1)
     assert f"{tmp_path / 'out'}: {'exact' if exact else 'NOT EXACT'};" in ran.out
-
-
-def test_the_log_is_shown_once_however_many_commands_a_process_runs(run: Run) -> None:
-    for _ in range(3):
-        assert run("--version").code == 0
-    handlers = logging.getLogger("servogen").handlers
-    assert sum(type(each).__name__ == "_LogHandler" for each in handlers) == 1
 
 
 def test_the_cycle_of_a_gait_is_rounded_up_as_its_help_says(run: Run) -> None:

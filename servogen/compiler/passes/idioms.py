@@ -142,6 +142,7 @@ class _Meaning:
         return all(self._fits(pattern, line) for pattern, line in zip(row, lines, strict=True))
 
     def _fits(self, pattern: Instruction, line: Line) -> bool:
+        """Return whether a line is what an instruction of a row stands for; note what its names stand for."""
         if not isinstance(line, Instruction) or line.fixed:
             return False
         if (line.op, line.d, line.b) != (pattern.op, pattern.d, pattern.b):
@@ -180,9 +181,9 @@ def shorten_idioms(function: Function) -> bool:
     out: list[Line] = []
     index, changed = 0, False
     while index < len(lines):
-        found = None if is_skipped(lines, index) else _replacement(lines, index, live)
-        if found is not None:
-            new, replaced = found
+        shorter = None if is_skipped(lines, index) else _replacement(lines, index, live)
+        if shorter is not None:
+            new, replaced = shorter
             out += new
             index += replaced
             changed = True
