@@ -10,8 +10,10 @@ import pytest
 
 from servogen.compiler import Options, Source, compile_sources
 from servogen.engines.stream.engine import compiled, stream
+from servogen.engines.stream.response import HALF, ROUND
 from servogen.engines.stream.settings import BIT_GAP, START_GAP
 from servogen.job import load, loads, plan_job
+from servogen.prove.stream.interrupt import interrupt_of
 from servogen.prove.stream.looks import InterruptChanged
 from servogen.prove.stream.rounds import guarantee
 from tests.engines.stream.stream_soak import JOBS
@@ -32,7 +34,84 @@ def test_edges_are_exact_and_samples_as_close_as_the_receiver_is_reckoned_for(te
     found = guarantee(listing_of(text), STREAMED, NONE)
     # RISE, and the cycles from the timer's value to the port: 11, as test_stream_tick.py counts them.
     assert found.rise == 152 + 11
-    assert (found.start_gap, found.bit_gap) <= (START_GAP, BIT_GAP)
+    assert found.start_gap <= START_GAP
+    # The looks of a round's two interrupts, and of the second and the next round's first, are half a round
+    # apart; a loop that waits is left a cycle sooner or later.
+    for half in (range(HALF), range(HALF, ROUND)):
+        waits = {wait for before, wait in found.waits if before in half}
+        assert min(waits) > 0 and max(waits) == BIT_GAP == HALF + 1
+
+
+def test_no_bit_is_taken_before_it_can_be_due(text: str) -> None:
+    """Times are known modulo 64 units of 4 cycles; a bit is 104 of them, the first one is due after 15."""
+    found = interrupt_of(listing_of(text), STREAMED)
+    assert (found.bits_apart, found.first_apart) == (4 * (104 - 64), 4 * 15 + 1)
+
+
+def test_an_interrupt_begins_up_to_15_cycles_after_its_overflow(text: str) -> None:
+    """4 of latency and 2 of an instruction (DS35007 section 6.9), 9 in which the C writes the EEPROM."""
+    first = "    bcf     INTCON, 2           ; T0IF"
+    latest = 15 + 4 + 1  # the context is saved in 4, and TMR0 is read in the second word after it
+    guarantee(listing_of(text.replace(first, fails_from(latest + 1) + first)), STREAMED, NONE)
+    with pytest.raises(InterruptChanged, match="an instruction that is not followed"):
+        guarantee(listing_of(text.replace(first, fails_from(latest) + first)), STREAMED, NONE)
+
+
+def cycles(thirds: int) -> str:
+    """Words that take three cycles for each."""
+    return f"    movlw   {thirds}\n    movwf   _t\n    decfsz  _t, F\n    goto    $-1\n"
+
+
+def fails_from(time: int) -> str:
+    """Words that are refused where they can be executed with this time in TMR0, or a later one."""
+    return f"    movlw   {256 - time}\n    addwf   TMR0, W\n    btfsc   STATUS, 0\n    clrf    TMR0\n"
+
+
+AFTER = {
+    "rise": ("bsf     _due, 2\n", "bsf     _due, 2\n{late}"),
+    "fall before the last round but one": ("st_over:\n", "st_over:\n"),
+    "fall in the last round but one": (
+        "btfsc   STATUS, 2\n    goto    st_out\nst_over:\n",
+        "btfss   STATUS, 2\n    goto    st_over\n{late}    goto    st_out\nst_over:\n",
+    ),
+    "fall that takes over the next round": (
+        "call    st_look\n    goto    st_whole_round",
+        "nop\n{late}    goto    st_out",
+    ),
+}
+"""Where the interrupt of an edge ends; for `late`, words that take long."""
+BEGINS = {
+    "no edge": ("st_plain_quiet:\n", "st_plain_quiet:\n" + fails_from(48)),
+    "a rise": ("clrf    _fine ", fails_from(96) + "    clrf    _fine "),
+    "a fall": (
+        "goto    st_fall\n    clrf    _fine",
+        f"goto    $+2\n    goto    $+6\n{fails_from(96)}    goto    st_fall\n    clrf    _fine",
+    ),
+}
+"""Where an interrupt goes that begins a round with this; it fails if that began late."""
+
+
+@pytest.mark.parametrize(
+    ("edge", "late", "following", "fine"),
+    [
+        ("rise", 27, "no edge", 255),
+        ("rise", 27, "a fall", 255),
+        ("fall before the last round but one", 0, "no edge", 70),
+        ("fall in the last round but one", 20, "a rise", 70),
+        ("fall that takes over the next round", 27, "no edge", 255),
+        ("fall that takes over the next round", 45, "a rise", 255),
+    ],
+)
+def test_what_the_round_behind_an_edge_may_be_is_tried(
+    text: str, edge: str, late: int, following: str, fine: int
+) -> None:
+    """An interrupt begins late, because that of an edge ends late, and fails if its round has `following`."""
+    failing = text.replace(*BEGINS[following])
+    guarantee(listing_of(failing), STREAMED, NONE)
+    before, after = AFTER[edge]
+    changed = failing.replace(before, after.format(late=cycles(late)))
+    with pytest.raises(InterruptChanged, match="an instruction that is not followed"):
+        guarantee(listing_of(changed), STREAMED, (fine,))
 
 
 def test_a_fall_late_in_the_last_round_but_one_keeps_samples_away_but_not_out_of_their_bits(
@@ -88,13 +167,18 @@ def listing_of(text: str):  # type: ignore[no-untyped-def]
             "    movf    _ticks, W\n    sublw   16",
             "^after the rise of a pulse of 1 round",
         ),
-        # After a fall that takes over the next round, the interrupt ends too late for a rise in the round
-        # behind that one, though not for a round without an edge.
+        # That of the widest pulse, and of no other, is an interrupt late.
         (
-            "    subwf   _ticks, F\n    call    st_look\n    goto    st_whole_round",
-            "    subwf   _ticks, F\n    movlw   60\n    movwf   _t\n    decfsz  _t, F\n    goto    $-1\n"
-            "    goto    st_out",
-            "a rise is in cycle 419",
+            "movwf   _ticks\n    sublw   16",
+            "movwf   _ticks\n    movf    _next_hi, W\n    xorlw   8\n    btfsc   STATUS, 2\n"
+            "    incf    _ticks, F\n    movf    _ticks, W\n    sublw   16",
+            "^after the rise of a pulse of 8 rounds",
+        ),
+        # A round's second interrupt ends too late for a rise in the next round.
+        (
+            "st_out:\n",
+            f"    btfss   _ticks, 0\n    goto    st_out\n{cycles(30)}st_out:\n",
+            "a rise is in cycle",
         ),
         # A bit's time.
         ("movlw   104", "movlw   103", "the receiver's clock"),
