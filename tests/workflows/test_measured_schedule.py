@@ -75,7 +75,7 @@ def test_a_program_is_proven_against_it_and_another_one_is_not(
 def test_recorded_edges_give_the_same_schedule(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     servogen("simulate", STARTS / "good.asm", "--seconds", "0.5", "--edges", "capture.csv")
-    assert "capture.json: written" in servogen("measure", "capture.csv", "--schedule", "capture.json")
+    assert "--against capture.json" in servogen("measure", "capture.csv", "--schedule", "capture.json")
     servogen("measure", STARTS / "good.asm", "--seconds", "0.5", "--schedule", "program.json")
     assert Path("capture.json").read_text() == Path("program.json").read_text()
 
