@@ -224,7 +224,7 @@ class _Reader:
         observer = ResponseObserver(
             tuple(when), then, self._cycles(table.within_us, (*key, "within_us")), held
         )
-        lasting = f" for {table.held_us:g} µs" if table.held_us else ""
+        lasting = f" for {_number(table.held_us)} µs" if table.held_us else ""
         text = f"response: {', '.join(map(str, when))}{lasting} → {then} within {_range(table.within_us)} µs"
         return observer, text, "cause"
 
@@ -234,7 +234,9 @@ class _Reader:
         except ValueError as error:
             raise self._error(key, "condition", str(error)) from None
         longer = floor(exact(table.longer_us) / self._clock.cycle_us)
-        text = f"never: {levels}" + (f" for longer than {table.longer_us:g} µs" if table.longer_us else "")
+        text = f"never: {levels}" + (
+            f" for longer than {_number(table.longer_us)} µs" if table.longer_us else ""
+        )
         return NeverObserver(levels, longer), text, "change"
 
     def _serial(self, table: SerialTable, key: Key) -> Made:
@@ -252,7 +254,7 @@ class _Reader:
         )
         return (
             observer,
-            f"serial line {table.pin}: {table.baud:g} baud ± {table.tolerance_percent:g} %",
+            f"serial line {table.pin}: {_number(table.baud)} baud ± {_number(table.tolerance_percent)} %",
             "byte",
         )
 
@@ -269,7 +271,7 @@ class _Reader:
         if not window:
             raise self._error(key, "window_us", "is shorter than an instruction cycle")
         what = self._event(table.event, (*key, "event"))
-        text = f"count: {what} {_range(table.times)} times in {table.window_us:g} µs"
+        text = f"count: {what} {_range(table.times)} times in {_number(table.window_us)} µs"
         return CountObserver(what, Limits(int(least), int(most)), window), text, "event"
 
     def _every(self, table: EveryTable, key: Key) -> Made:
@@ -301,7 +303,7 @@ class _Reader:
         least, most = given
         if least > most:
             raise self._document.error(
-                "bad-contract", key, f"{least:g} is more than {most:g}", "[least, most]"
+                "bad-contract", key, f"{_number(least)} is more than {_number(most)}", "[least, most]"
             )
         return least, most
 
@@ -325,8 +327,12 @@ class _Reader:
         return self._document.error("bad-contract", (*key, name), message, hint)
 
 
+def _number(value: Number) -> str:
+    return str(int(value)) if value == int(value) else str(value)
+
+
 def _range(given: Sequence[Number]) -> str:
     if len(given) == 1:
-        return f"at least {given[0]:g}"
+        return f"at least {_number(given[0])}"
     least, most = given
-    return f"{least:g}" if least == most else f"{least:g} to {most:g}"
+    return f"{_number(least)}" if least == most else f"{_number(least)} to {_number(most)}"
