@@ -40,6 +40,7 @@ def steps(**others: Any) -> Any:
         "margins": np.array([0.010, 0.004, math.inf, 0.012]),
         "largest_correction_m": 0.0005,
         "frames_per_cycle": 2,
+        "centre": 0.003 + 0j,  # of mass, 3 mm forward
         "trajectory": SimpleNamespace(angles=np.zeros((4, 4)), loop_start=1),
     }
     return SimpleNamespace(**{**given, **others})

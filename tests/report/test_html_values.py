@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from servogen.edges import PINS
+from servogen.edges import PINS, EdgeTrace
 from servogen.errors import Diagnostic, Location
 from servogen.job import PlannedJob, loads, plan_job
 from servogen.pic.listing import ListedFunction, Listing
@@ -336,8 +336,8 @@ def test_memory_is_a_share_of_the_chips() -> None:
 def test_the_rows_of_a_channel_stand_together(facts: PageFacts) -> None:
     """First all of the arm's, planned before simulated, then all of the hand's."""
     schedule = facts.plan.schedule
-    trace: Any = SimpleNamespace(clock=schedule.clock, driven=lambda: iter(()))
-    seen = json.loads(html._signal_values(replace(facts, trace=trace))["signal_data"])  # type: ignore[arg-type]
+    trace = EdgeTrace(schedule.clock, (), Cycles(0))
+    seen = json.loads(html._signal_values(replace(facts, trace=trace))["signal_data"])
     rows = [(row["channel"], row["kind"]) for row in seen["rows"]]
     assert rows == [(name, kind) for name in ("arm", "hand") for kind in ("planned", "simulated")]
     assert np.all([row["rise"] == [] for row in seen["rows"][1::2]])

@@ -12,9 +12,9 @@ import pytest
 
 from servogen.edges import PINS
 from servogen.job import load, loads, plan_job
-from servogen.kinematics.leg import Leg
+from servogen.kinematics.leg_kinds import LEG_KINDS
 from servogen.pulse import Channel, Pulse, PulseSchedule, Run
-from servogen.report import robot_model, sticks, tracks
+from servogen.report import robot_model, tracks
 from servogen.report.drawing import PALETTE
 from servogen.report.tracks import EndError, Track, error_rows, errors_of, made_angles, to_place, worst_of
 from servogen.units import Clock, Cycles
@@ -106,8 +106,9 @@ def test_a_base_is_where_its_wheels_take_it_and_a_wheel_without_a_pulse_stands()
 
 def test_the_corners_of_a_leg_are_those_of_the_drawing() -> None:
     """At α = β = 0 it goes outward along y, hangs down BC, outward again, and down DF; β swings BC back."""
-    leg = Leg(ab=0.03, bc=0.06, cd=0.02, df=0.08)
-    down, back, turned = sticks._leg(leg, np.array([[0.0, 0], [0, math.pi / 2], [math.pi / 2, 0]]))
+    arm: Any = SimpleNamespace(length={"ab": 0.03, "bc": 0.06, "cd": 0.02, "df": 0.08})
+    angles = np.array([[0.0, 0], [0, math.pi / 2], [math.pi / 2, 0]])
+    down, back, turned = LEG_KINDS["pantograph"].corners(arm, angles)
     assert down == pytest.approx(
         np.array([[0, 0, 0], [0, 0.03, 0], [0, 0.03, -0.06], [0, 0.05, -0.06], [0, 0.05, -0.14]])
     )
