@@ -423,8 +423,8 @@ def judged_by_others(case: Target, image: Image, around: Environment, counts: Co
 REPLAYED, NOT_REPLAYED, UNDECIDED = "counterexample, replayed", "counterexample, not replayed", "not decided"
 
 
-UNTRIMMED = "proven, and no trims are said to be there"
-"""Of a program that ignores the EEPROM: the answer lists whose trim each byte is."""
+UNTRIMMED = "proven, and the trims that it names are others, or none"
+"""Of a program that ignores a byte of the EEPROM: the answer lists whose trim each byte is."""
 
 
 def answered(case: Target, image: Image, folder: Path, max_states: int) -> str:
@@ -440,8 +440,10 @@ def answered(case: Target, image: Image, folder: Path, max_states: int) -> str:
             )
         )
         if answer["counterexample"] is None:
-            untrimmed = any("no pulse depends on it" in each for each in answer["assumptions"])
-            return UNTRIMMED if untrimmed else str(answer["answer"])
+            said = " ".join(answer["assumptions"])
+            due = (f"{byte} of {PINS[pin]}" for byte, pin in enumerate(case.trimmed))
+            other = bool(case.trimmed) and not all(each in said for each in due)
+            return UNTRIMMED if other else str(answer["answer"])
         words = shlex.split(answer["counterexample"]["command"])
         servogen(*words[1:])
         clock = Clock(int(words[words.index("--clock-hz") + 1]))
