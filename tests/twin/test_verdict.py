@@ -784,7 +784,7 @@ def test_pulses_take_effect_at_the_first_step_at_or_after_their_fall() -> None:
         assert receiver.step_of(first) == step
         assert step == 0 or receiver.step_of(first - 1) == step - 1
     edges = [
-        (0, 5, 1),
+        (1, 5, 1),
         (3, 4, 1),
         (819, 5, 0),
         (819, 1, 1),
@@ -796,12 +796,14 @@ def test_pulses_take_effect_at_the_first_step_at_or_after_their_fall() -> None:
     found = receiver.pulses(edge_chunk(*zip(*edges, strict=True)))
     assert [(pulse.step, pulse.servo) for pulse in found] == [(1, 0), (3, 0), (3, 1)]
     us = 1.220703125
-    assert [pulse.width_us for pulse in found] == pytest.approx([819 * us, 819 * us, 821 * us])
+    assert [pulse.width_us for pulse in found] == pytest.approx([818 * us, 819 * us, 821 * us])
     receiver.pulses(edge_chunk([2000], [1], [1]))
-    assert receiver.snapshot() == (None, 2000)
-    receiver.restore((7, None))
-    assert receiver.snapshot() == (7, None)
-    undriven = receiver.pulses(edge_chunk([8, 8], [5, 5], [0, 2]))
+    high = receiver.snapshot()
+    (pulse,) = receiver.pulses(edge_chunk([2100], [1], [0]))
+    receiver.restore(high)
+    (longer,) = receiver.pulses(edge_chunk([2200], [1], [0]))
+    assert (pulse.width_us, longer.width_us) == pytest.approx((100 * us, 200 * us))
+    undriven = receiver.pulses(edge_chunk([3000, 3008], [5, 5], [1, 2]))
     assert len(undriven) == 1
 
 
