@@ -549,7 +549,9 @@ def test_the_details_of_an_arm_are_its_file_s() -> None:
     assert [row["joint"] for row in details["rows"]] == ["q1", "q2", "q3", "q4", "q5"]
     # docs/robots.md, the RV-M1: q1 from -60° to 240°, home 90°
     first = details["joints"][0]
-    assert [math.degrees(first[key]) for key in ("lower_rad", "upper_rad", "home_rad")] == pytest.approx([-60, 240, 90])
+    assert [math.degrees(first[key]) for key in ("lower_rad", "upper_rad", "home_rad")] == pytest.approx(
+        [-60, 240, 90]
+    )
     leg = arm_details(arm("leg"))
     assert [row["joint"] for row in leg["rows"]].count(None) == sum(
         row.joint is None for row in arm("leg").rows
