@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 import pytest
 
 from servogen import api
-from servogen.cli import main
+from servogen.cli import main, simulate_command
 from servogen.errors import InputError
 from servogen.job import Job, PlannedJob
 from servogen.notebooks import table_html
@@ -271,7 +271,7 @@ def test_the_program_of_a_job_runs_on_the_chip_of_the_job(
             devices.append(options.device)
             super().__init__(image, clock, options, *more, **named)
 
-    for module in (run_module, machine_module):
+    for module in (run_module, machine_module, simulate_command):
         monkeypatch.setattr(module, "Machine", Noted)
     path = tmp_path / "job.toml"
     path.write_text(JOB.read_text().replace('"PIC16F84"', '"PIC16F84A"'))

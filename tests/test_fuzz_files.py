@@ -25,7 +25,7 @@ def test_a_good_file_is_done_and_a_defect_is_seen(monkeypatch: pytest.MonkeyPatc
     def defect(*_: object) -> None:
         raise KeyError("a defect")
 
-    monkeypatch.setattr("servogen.job.load", defect)
+    monkeypatch.setattr("servogen.cli.job_commands.load", defect)
     assert "KeyError: 'a defect'" in fuzz_files.outcome(("check", job))
 
 
@@ -34,6 +34,6 @@ def test_a_command_that_does_not_end_is_stopped(monkeypatch: pytest.MonkeyPatch)
         while True:
             pass
 
-    monkeypatch.setattr("servogen.job.load", endless)
+    monkeypatch.setattr("servogen.cli.job_commands.load", endless)
     monkeypatch.setattr(fuzz_files, "MAX_CPU_S", 0.05)
     assert "OverBudget" in fuzz_files.outcome(("check", "any"))
