@@ -102,7 +102,8 @@ def test_the_memory_of_the_process_stays_below_the_limit() -> None:
 
     before = int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
     allowed = max(200_000_000, before + 100_000_000)
-    assert 100_000_000 < run(work, WorkLimits(memory_mb=200)) * 1024 < allowed + 20_000_000
+    slack = 20_000_000 + before // 20  # pages that the child shares with a large parent are counted unevenly
+    assert 100_000_000 < run(work, WorkLimits(memory_mb=200)) * 1024 < allowed + slack
 
 
 def test_work_that_fits_in_its_memory_is_done() -> None:
@@ -199,11 +200,13 @@ def test_one_that_crashes_costs_no_other_its_result() -> None:
 
 
 def test_all_end_when_nobody_wants_more_results() -> None:
+    children = Path(f"/proc/self/task/{os.getpid()}/children")
+    before = set(children.read_text().split())  # those of other tests in this process
     results = run_each([lambda: 1, spin, spin], WorkLimits(seconds=600), at_once=3)
     assert next(results) == (0, 1)
+    assert len(set(children.read_text().split()) - before) == 2
     results.close()
-    with pytest.raises(ChildProcessError):  # there is none left
-        os.waitpid(-1, os.WNOHANG)
+    assert set(children.read_text().split()) <= before
 
 
 def test_an_exception_that_cannot_be_sent_is_said_in_words() -> None:
