@@ -9,15 +9,15 @@ from pathlib import Path
 
 from servogen.cli.files import keep_apart, read_program
 from servogen.cli.options import ChipOptions
+from servogen.cli.schedule_proof import NOT_PROVEN, ONE_ENGINE, PROVEN, Over
 from servogen.cli.show import as_json, status
-from servogen.contract import ContractVerdict, load_contract
+from servogen.contract import Contract, ContractVerdict, load_contract
 from servogen.errors import InputError, Location
 from servogen.outputs import write_text
 from servogen.programs import chip_of
 from servogen.prove.contract import MAX_STATES, ContractProof, prove_contract
 from servogen.prove.counterexample import Counterexample
-from servogen.prove.quantifiers import Quantifiers
-from servogen.simulator import SimulatorOptions, load_stimuli
+from servogen.simulator import load_stimuli
 from servogen.units import Clock, counted
 from servogen.workflows.contracts import contract_clock, judge_program, judge_recording
 from servogen.workflows.signals import is_program, refuse_chip_options
@@ -46,7 +46,8 @@ def verify_contract(request: ContractRequest) -> int:
     """Judge, print, and return the exit code."""
     contract = load_contract(request.contract)
     with status("judging every edge"):
-        verdict = _judged_program(request) if is_program(request.file) else _judged_recording(request)
+        judged = _judged_program if is_program(request.file) else _judged_recording
+        verdict = judged(request, contract)
     if request.json:
         as_json({"file": str(request.file), "contract": contract.document.file} | verdict.to_json())
     else:
@@ -54,8 +55,7 @@ def verify_contract(request: ContractRequest) -> int:
     return 0 if verdict.accepted(request.partial) else 1
 
 
-def _judged_program(request: ContractRequest) -> ContractVerdict:
-    contract = load_contract(request.contract)
+def _judged_program(request: ContractRequest, contract: Contract) -> ContractVerdict:
     program = read_program(request.file, request.device)
     board = request.chip.on(chip_of(program, request.device))
     clock = contract_clock(contract, program, request.clock_hz)
@@ -63,7 +63,7 @@ def _judged_program(request: ContractRequest) -> ContractVerdict:
     return judge_program(contract, program, clock, request.seconds, board, stimulus)
 
 
-def _judged_recording(request: ContractRequest) -> ContractVerdict:
+def _judged_recording(request: ContractRequest, contract: Contract) -> ContractVerdict:
     if request.device is not None or request.chip.given:
         refuse_chip_options(request.file)
     for key, given in (("--stimulus", request.stimulus), ("--seconds", request.seconds)):
@@ -74,7 +74,6 @@ def _judged_recording(request: ContractRequest) -> ContractVerdict:
                 Location(str(request.file), key=key),
                 f"omit {key}",
             )
-    contract = load_contract(request.contract)
     clock = contract_clock(contract, None, request.clock_hz)
     return judge_recording(contract, request.file, clock, request.wires)
 
@@ -86,7 +85,7 @@ class ContractProofRequest:
     file: Path
     contract: Path
     counterexample: Path
-    over: Quantifiers
+    over: Over
     clock_hz: int | None
     device: str | None
     max_states: int | None
@@ -102,14 +101,14 @@ def prove_contract_of(request: ContractProofRequest) -> int:
     keep_apart([request.file, request.contract], request.counterexample)
     contract = load_contract(request.contract)
     program = read_program(request.file, request.device)
-    board = SimulatorOptions(device=chip_of(program, request.device))
+    board = request.over.board(chip_of(program, request.device))
     clock = contract_clock(contract, program, request.clock_hz)
     with status("following every path") as tell:
         proof = prove_contract(
             program.image,
             contract.clauses(clock),
             clock,
-            request.over,
+            request.over.quantifiers(),
             board,
             lambda explored, known: tell(f"{explored} of {known} states"),
             request.max_states or MAX_STATES,
@@ -121,10 +120,10 @@ def prove_contract_of(request: ContractProofRequest) -> int:
         as_json(_proof_json(proof, request, clock))
     else:
         print("\n".join(_proof_lines(proof, request, clock)))
-    return 0 if proof.proven and request.accept_one_engine else 1
+    return PROVEN if proof.proven and request.accept_one_engine else NOT_PROVEN
 
 
-ONE_ENGINE = "proven by one engine: the checker does not cover contracts"
+BY_ONE_ENGINE = f"{ONE_ENGINE}: the checker does not cover contracts"
 
 
 def _proof_lines(proof: ContractProof, request: ContractProofRequest, clock: Clock) -> list[str]:
@@ -140,8 +139,8 @@ def _proof_lines(proof: ContractProof, request: ContractProofRequest, clock: Clo
     if not proof.proven:
         return [f"not decided: {proof.reason}", size]
     return [
-        ONE_ENGINE,
-        "  for every power-up, input and chip: every clause is kept",
+        BY_ONE_ENGINE,
+        f"  for {request.over.quantifiers().text(held=False)}: every clause is kept",
         size,
         "  assumed:",
         *(f"    {assumption}" for assumption in proof.assumptions),
@@ -164,7 +163,7 @@ def _proof_json(proof: ContractProof, request: ContractProofRequest, clock: Cloc
         "contract": str(request.contract),
         "proven": proof.proven,
         "checked": False,
-        "reason": proof.reason or (ONE_ENGINE if proof.proven else ""),
+        "reason": proof.reason or (BY_ONE_ENGINE if proof.proven else ""),
         "counterexample": shown
         and {
             "message": shown.message,

@@ -17,7 +17,6 @@ from servogen.cli.show import as_json, status
 from servogen.errors import InputError, Location
 from servogen.pic.analysis.facts import Answer, Facts, decided_and_fine
 from servogen.programs import clock_of
-from servogen.prove import Quantifiers
 
 
 class Interrupts(StrEnum):
@@ -114,18 +113,20 @@ def _prove_contract(
     json: bool,
 ) -> int:
     """Prove that a program keeps a contract, and return the exit code. Raises InputError."""
-    certified = claim.certificate is not None or claim.any_line is not None
-    if against is not None or certified or times.start or times.end:
+    certified = claim.certificate is not None or claim.any_line is not None or claim.certify_held_inputs
+    scheduled = against is not None or over.hold_inputs or over.any_eeprom
+    if scheduled or certified or times.start or times.end:
         raise InputError(
             "conflicting-options",
-            "--against, --certificate, --any-line, --from and --to are not for a contract",
+            "--against, --certificate, --any-line, --certify-held-inputs, --hold-inputs, --any-eeprom, "
+            "--from and --to are not for a contract",
             Location(str(contract), key="--contract"),
         )
     asked = ContractProofRequest(
         file=file,
         contract=contract,
         counterexample=claim.counterexample,
-        over=Quantifiers(resets=not over.no_resets, start=over.quantifiers().start),
+        over=over,
         clock_hz=times.clock_hz,
         device=device,
         max_states=claim.max_states,

@@ -326,7 +326,7 @@ def _lines(
         return [f"not decided: {proof.reason}", f"  {_size(proof)}"]
     return [
         witness.text,
-        f"  for {_over(proof)}: every edge of all pins is the schedule's",
+        f"  for {proof.quantifiers.text(held=bool(proof.held))}: every edge of all pins is the schedule's",
         f"  {_size(proof)}",
         *(checked_lines(witness.checked) if witness.checked else []),
         "  assumed:",
@@ -358,17 +358,6 @@ def _counterexample_to_json(
 def _size(proof: Proof) -> str:
     """Return how much was searched."""
     return f"{proof.states} states, {proof.runs} runs of {proof.cycles} cycles together"
-
-
-def _over(proof: Proof) -> str:
-    """Return what a proof is quantified over; everything else is among its assumptions."""
-    over = proof.quantifiers
-    parts = ["power-up"] if over.resets and not over.start else []
-    parts += [] if proof.held else ["input"]
-    parts += ["chip"] if over.watchdog and over.tmr0_phase and over.eeprom_write else []
-    if not parts:
-        return "one power-up, the inputs and the chip that are assumed"
-    return "every " + " and ".join(part for part in (", ".join(parts[:-1]), parts[-1]) if part)
 
 
 def _proof_to_json(

@@ -133,6 +133,7 @@ def verify(
     wires = wires_for(file, source.wire)
     _one_claim(against, claim.contract, {"--stimulus": claim.stimulus, "--clock-hz": claim.clock_hz})
     if claim.contract is not None:
+        _refuse_for_contract(forever, source.rate)
         raise typer.Exit(verify_contract(claim.request(file, chip, seconds, wires, device, source, json)))
     assert against is not None
     schedule = read_schedule_of(against)
@@ -164,6 +165,14 @@ def verify(
     else:
         print("\n".join((*verdict_lines(verdict), *not_judged(schedule, image))))
     raise typer.Exit(0 if verdict.accepted(source.partial) else 1)
+
+
+def _refuse_for_contract(forever: bool, rate: int | None) -> None:
+    """Raise InputError for what only a comparison with a schedule has."""
+    for key, given in (("--forever", forever), ("--rate", rate is not None)):
+        if given:
+            message = "is for a comparison with a schedule"
+            raise InputError("conflicting-options", message, Location(key=key), f"omit {key}")
 
 
 def _judged(

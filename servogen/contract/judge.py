@@ -7,7 +7,7 @@ is about was seen, and where it was first broken.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from servogen.contract.clauses import Clause
 from servogen.contract.observers import Broken, State
@@ -196,8 +196,3 @@ def _moments(chunks: Iterable[EdgeChunk]) -> Iterator[tuple[int, int]]:
             current = current | 1 << pin if level == HIGH else current & ~(1 << pin)
     if current != levels:
         yield moment, current
-
-
-def not_judged(verdict: ContractVerdict, *reasons: str) -> ContractVerdict:
-    """Return the verdict with what it is not about."""
-    return replace(verdict, unseen=(*verdict.unseen, *reasons))

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from math import ceil, floor
 from typing import Protocol
 
 from servogen.contract.events import PinEvent, PinLevels
@@ -405,13 +406,13 @@ class SerialObserver:
     @property
     def _stop(self) -> int:
         """Return the last cycle of a frame in which the line may still have the level of its last bit."""
-        return int(9 * self.bit * (1 + self.tolerance) + Fraction(1, 2))
+        return floor(9 * self.bit * (1 + self.tolerance) + Fraction(1, 2))
 
     @property
     def _end(self) -> int:
         """Return the first cycle in which the next frame may begin."""
         bits = 9 + self.stop_bits
-        return -int(-(bits * self.bit * (1 - self.tolerance) - Fraction(1, 2)) // 1)
+        return ceil(bits * self.bit * (1 - self.tolerance) - Fraction(1, 2))
 
     def start(self, from_reset: bool) -> State:
         return (NONE,)

@@ -27,19 +27,25 @@ from servogen.contract.observers import NONE, Broken, Observer, ResponseObserver
 from servogen.edges import HIGH, PINS, UNDRIVEN, EdgeTrace, join, part
 from servogen.pic.device import device
 from servogen.pic.image import Image
-from servogen.prove.chip import AbstractChip, ChipState
-from servogen.prove.counterexample import AllLevels, Counterexample, Sample, levels_of, path_to
+from servogen.prove.chip import AbstractChip
+from servogen.prove.counterexample import Counterexample, Sample, levels_of, path_to, stimuli_of
 from servogen.prove.cuts import ALL_PLACES
-from servogen.prove.explore import Explorer, SearchAnswer, SearchResult
+from servogen.prove.explore import (
+    Explorer,
+    SearchAnswer,
+    SearchResult,
+    search_until_decided,
+    starts_of,
+    why_undecided,
+)
 from servogen.prove.forks import PreparedProgram
 from servogen.prove.generalise import Generaliser, Guess
-from servogen.prove.quantifiers import EVERYTHING, ChipTrial, Quantifiers, trials
+from servogen.prove.quantifiers import EVERYTHING, Quantifiers, trials
 from servogen.prove.specification import IN_FRAME, OVER, Edge, Violation
 from servogen.prove.transitions import Transitions
-from servogen.simulator import Levels, Machine, SimulatorOptions, Stimuli, profile
+from servogen.simulator import Machine, SimulatorOptions, profile
 from servogen.simulator.layout import GLITCH
-from servogen.simulator.pin_levels import at_the_pins
-from servogen.simulator.sources import Reset, SignalSource
+from servogen.simulator.pin_levels import pin_trace
 from servogen.units import Clock, Cycles
 
 MAX_STATES = 100_000
@@ -297,27 +303,26 @@ class _ContractProver:
         self._chip = AbstractChip(
             image, clock, self._board, {}, quantifiers.watchdog, longest, of_no_interest=~watched
         )
+        self._write_us = longest or self._board.eeprom_us
         self._program = PreparedProgram(image, quantifiers.eeprom_write)
         limit = clock.round_seconds(LONGEST_RUN_S)
         self._transitions = Transitions(self._chip, limit)
-        self._always = self._program.port_reads() | self._program.option_writes()
-        self._always |= self._program.sleeps | self._program.eeprom_accesses
+        self._always = self._program.choice_points
         self._cut, driven = _observed(image, clock, self._board)
         self._inputs = watched & ~driven
         self._spec = ContractSpecification(clauses, self._inputs)
 
     def prove(self) -> ContractProof:
         """Return the answer: search, add what the search asks for, and search again until it is decided."""
-        why = undecidable(self._clauses, self._inputs)
-        if why is not None:
+        why = undecidable(self._clauses, self._inputs) or self._unfit_oscillator()
+        if why:
             return self._answer(None, why)
         guesses = {} if self._cut is None else {self._cut: Guess(set(ALL_PLACES))}
         generaliser = Generaliser(self._transitions, guesses)
-        added = refined = 0
-        written: frozenset[int] = frozenset()
-        while True:
+
+        def search(written: frozenset[int]) -> SearchResult:
             self._transitions.stop_at(self._always | set(generaliser.cuts))
-            search = Explorer(
+            return Explorer(
                 self._program,
                 self._transitions,
                 self._spec,  # type: ignore[arg-type]
@@ -325,24 +330,22 @@ class _ContractProver:
                 PHASES if self._quantifiers.tmr0_phase else 1,
                 self._max_states,
                 self._tell,
-                self._starts(written),
+                starts_of(self._chip, self._quantifiers, written),
             ).search()
-            if search.answer is SearchAnswer.CUT and added < MAX_ADDED_CUTS:
-                added += 1
-                generaliser.guesses[search.cut] = Guess(set(ALL_PLACES))
-            elif search.answer is SearchAnswer.REFINE and refined < MAX_REFINEMENTS:
-                refined += 1
-            elif search.answer is SearchAnswer.CLOSED and self._more_written(written):
-                written = frozenset(self._transitions.written)
-            else:
-                return self._judged(search)
 
-    def _more_written(self, written: frozenset[int]) -> bool:
-        return bool(self._quantifiers.start and self._transitions.written - written)
+        def add_cut(address: int) -> None:
+            generaliser.guesses[address] = Guess(set(ALL_PLACES))
 
-    def _starts(self, written: frozenset[int]) -> list[ChipState]:
-        power_on = self._chip.power_on()
-        return [power_on, self._chip.after_reset(written)] if self._quantifiers.resets else [power_on]
+        most = MAX_ADDED_CUTS, MAX_REFINEMENTS
+        return self._judged(search_until_decided(search, add_cut, most, self._written)[0])
+
+    def _written(self) -> frozenset[int]:
+        return frozenset(self._transitions.written if self._quantifiers.start else ())
+
+    def _unfit_oscillator(self) -> str:
+        """Return why the clock is not that of the configuration word; empty if it may be."""
+        machine = Machine(self._image, self._clock, self._board, tracked=True)
+        return "; ".join(warning.message for warning in machine.chip_dependent)
 
     def _judged(self, search: SearchResult) -> ContractProof:
         if search.answer is SearchAnswer.CLOSED:
@@ -354,8 +357,7 @@ class _ContractProver:
             shown = self._counterexample(search)
             if shown is not None:
                 return self._answer(search, "", shown)
-        place = f"address 0x{finding.pc:03X}, {len(search.nodes)} states seen, {search.open_nodes} open"
-        return self._answer(search, f"{finding.message} ({place})")
+        return self._answer(search, why_undecided(finding, search))
 
     def _not_covered(self, search: SearchResult) -> str:
         if search.asynchronous and self._spec.sampled:
@@ -386,6 +388,10 @@ class _ContractProver:
         said += [f"{PINS[pin]} keeps each level until it was read" for pin in sorted(self._spec.sampled)]
         if not self._quantifiers.resets:
             said.append("there is no reset after power-on")
+        write_us = self._write_us if self._program.eeprom_accesses else None
+        said += self._quantifiers.assumed_of_chip(self._board, bool(self._chip.watchdog), write_us)
+        if not self._quantifiers.tmr0_phase:
+            said.append("TMR0 counts from the cycle after OPTION_REG is written")
         return tuple(said)
 
     def _counterexample(self, search: SearchResult) -> Counterexample | None:
@@ -398,25 +404,17 @@ class _ContractProver:
             begun = 0 if trial.reset is None else trial.reset + 1
             for samples in (path.samples, _early(path.samples)):
                 levels = levels_of([(begun + cycle, pin, level) for cycle, pin, level in samples], {})
-                trace = self._run(trial, levels, Cycles(begun + end))
+                stimuli, cycles = stimuli_of(trial, levels), Cycles(begun + end)
+                trace = pin_trace(self._image, self._clock, cycles, trial.options, stimuli)
                 later = _without_glitch(_since(trace, begun), self._inputs)
                 verdict = judge_contract(self._clauses, later, from_reset=True)
                 broken = [each for each in verdict.clauses if each.first is not None]
-                for each in sorted(broken, key=_first_cycle)[:1]:
-                    message = f"{each.clause.text}: {each.first.message}" if each.first else ""
-                    cycle = Cycles(begun + _first_cycle(each))
+                if broken:
+                    first = min(broken, key=_first_cycle)
+                    message = f"{first.clause.text}: {first.first.message}" if first.first else ""
+                    cycle = Cycles(begun + _first_cycle(first))
                     return Counterexample(message, cycle, trial.options, levels, reset=trial.reset)
         return None
-
-    def _run(self, trial: ChipTrial, levels: AllLevels, cycles: Cycles) -> EdgeTrace:
-        """Return the levels at the pins of one chip."""
-        sources: list[SignalSource] = [Levels(PINS.index(pin), changes) for pin, changes in levels]
-        if trial.reset is not None:
-            sources.append(Reset(trial.reset, trial.reset + 1))
-        machine = Machine(self._image, self._clock, trial.options, Stimuli(sources) if sources else None)
-        driven = join(machine.stream(cycles))
-        outside = [change for source in sources for change in source.changes(self._clock)]
-        return EdgeTrace(self._clock, (at_the_pins(driven, outside),), cycles)
 
 
 def _first_cycle(verdict: ClauseVerdict) -> int:

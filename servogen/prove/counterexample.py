@@ -157,12 +157,16 @@ def slow_oscillator(case: Case) -> Counterexample | None:
     return Counterexample(message=message, cycle=fall[0], options=case.board, levels=levels, clock_hz=slow)
 
 
-def _machine(case: Case, trial: ChipTrial, levels: AllLevels) -> Machine:
+def stimuli_of(trial: ChipTrial, levels: AllLevels) -> Stimuli | None:
+    """Return the levels, and the trial's reset, as what drives the pins."""
     sources: list[SignalSource] = [Levels(PINS.index(pin), changes) for pin, changes in levels]
     if trial.reset is not None:
         sources.append(Reset(trial.reset, trial.reset + 1))
-    stimuli = Stimuli(sources) if sources else None
-    return Machine(case.image, case.schedule.clock, trial.options, stimuli)
+    return Stimuli(sources) if sources else None
+
+
+def _machine(case: Case, trial: ChipTrial, levels: AllLevels) -> Machine:
+    return Machine(case.image, case.schedule.clock, trial.options, stimuli_of(trial, levels))
 
 
 @dataclass(slots=True)

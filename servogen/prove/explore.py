@@ -12,10 +12,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
-from servogen.prove.chip import FIELD, AssumedBits, ChipState, Reason, Use
+from servogen.prove.chip import FIELD, AbstractChip, AssumedBits, ChipState, Reason, Use
 from servogen.prove.forks import ALONE, Choices, PreparedProgram, before_instruction, ways_of
 from servogen.prove.generalise import Generaliser
 from servogen.prove.nodes import Decision, Node
+from servogen.prove.quantifiers import Quantifiers
 from servogen.prove.specification import BEFORE, IN_FRAME, START_FRAMES, Specification, SpecState, Violation
 from servogen.prove.transitions import Ram, Transitions, applied
 from servogen.simulator.layout import EEIE, NEVER, T0IF, USE_INTERRUPT
@@ -102,6 +103,49 @@ class _Point:
         """Return what the ways from here depend on; before the first pulse also the time since the cut."""
         waited = self.cycle if self.spec.phase == BEFORE else 0
         return (self.ram, self.rest, self.spec, self.use, self.chosen, waited)
+
+
+def starts_of(chip: AbstractChip, over: Quantifiers, written: frozenset[int]) -> list[ChipState]:
+    """Return the states in which a run may begin, if the program writes the places in `written`."""
+    if not over.resets:
+        return [chip.power_on()]
+    reset = chip.after_reset(written)
+    return [chip.power_on(), reset] if over.start else [reset]
+
+
+def search_until_decided(
+    search: Callable[[frozenset[int]], SearchResult],
+    add_cut: Callable[[int], None],
+    most: tuple[int, int],
+    written: Callable[[], frozenset[int]],
+) -> tuple[SearchResult, frozenset[int]]:
+    """Search, add what the search asks for, and search again; return the last answer, and what was written.
+
+    `search` gets the places that the program is known to write. `most` is how many cuts are added, and how
+    often a state is refined. `written` returns the places that matter to a start.
+    """
+    cuts, refinements = most
+    known: frozenset[int] = frozenset()
+    while True:
+        found = search(known)
+        if found.answer is SearchAnswer.CUT and cuts:
+            cuts -= 1
+            add_cut(found.cut)
+        elif found.answer is SearchAnswer.REFINE and refinements:
+            refinements -= 1
+        elif found.answer is SearchAnswer.CLOSED and written() - known:
+            # A reset leaves the RAM as it was (DS35007 table 6-4): of the known start values, only those
+            # hold that the program never writes. Runs with fewer of them may write more places, so this
+            # repeats until none is added.
+            known = written()
+        else:
+            return found, known
+
+
+def why_undecided(finding: SearchFinding, search: SearchResult) -> str:
+    """Return a finding with its place, and how far the search came."""
+    place = f"address 0x{finding.pc:03X}, {len(search.nodes)} states seen, {search.open_nodes} open"
+    return f"{finding.message} ({place})"
 
 
 class Explorer:

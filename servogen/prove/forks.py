@@ -56,6 +56,11 @@ class PreparedProgram:
         word = self.image.program.get(pc & 0x3FF)
         return None if word is None else decode(word)
 
+    @property
+    def choice_points(self) -> frozenset[int]:
+        """Return the addresses of instructions before which a search has to choose something."""
+        return self.port_reads() | self.option_writes() | self.sleeps | self.eeprom_accesses
+
     def port_reads(self) -> frozenset[int]:
         """Return the addresses of instructions that read a port without writing it."""
         addresses = set()

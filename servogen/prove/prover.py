@@ -15,11 +15,19 @@ from servogen.graph import components
 from servogen.pic.device import CONFIG_OSCILLATOR_MASK, OSCILLATORS, PROGRAM_WORDS, device
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
-from servogen.prove.chip import AbstractChip, ChipState
+from servogen.prove.chip import AbstractChip
 from servogen.prove.counterexample import Case, Counterexample, concrete, slow_oscillator
 from servogen.prove.cuts import choose_cuts, rising_addresses
 from servogen.prove.eeprom import TrimSearch
-from servogen.prove.explore import Explorer, SearchAnswer, SearchFinding, SearchResult
+from servogen.prove.explore import (
+    Explorer,
+    SearchAnswer,
+    SearchFinding,
+    SearchResult,
+    search_until_decided,
+    starts_of,
+    why_undecided,
+)
 from servogen.prove.forks import PreparedProgram
 from servogen.prove.generalise import Generaliser
 from servogen.prove.nodes import Node
@@ -101,18 +109,15 @@ class _Prover:
         self._held = {} if known and free else inputs
         rules = (schedule.buttons, schedule.commands) if free else (None, None)
         self._spec = Specification(schedule, *rules)
-        longest = device(self._board.device).max_eeprom_write_us if quantifiers.eeprom_write else None
-        self._write_us = longest or self._board.eeprom_us
-        self._longest = longest
+        self._longest = device(self._board.device).max_eeprom_write_us if quantifiers.eeprom_write else None
+        self._write_us = self._longest or self._board.eeprom_us
         self._chip = self._abstract_chip(image)
         self._program = PreparedProgram(image, quantifiers.eeprom_write)
         # No run between two stops may be longer than the time in which an edge has to come.
         limit = START_FRAMES * self._spec.period + 2 * self._spec.longest_silence
         self._transitions = Transitions(self._chip, limit)
         self._cuts: set[int] = set()
-        # Before these instructions the search has to choose something, so a run stops at each of them.
-        self._always = self._program.port_reads() | self._program.option_writes()
-        self._always |= self._program.sleeps | self._program.eeprom_accesses
+        self._always = self._program.choice_points  # a run stops at each of them
 
     def prove(self) -> Proof:
         """Return the answer: search, add what the search asks for, and search again until it is decided."""
@@ -121,41 +126,31 @@ class _Prover:
             return unfit
         guesses = choose_cuts(self._program, self._transitions, self._schedule, self._spec, self._always)
         generaliser = Generaliser(self._transitions, guesses)
-        added = refined = 0
-        written: frozenset[int] = frozenset()
-        while True:
+
+        def search(written: frozenset[int]) -> SearchResult:
             self._transitions.stop_at(self._always | set(generaliser.cuts))
-            phases = PHASES if self._quantifiers.tmr0_phase else 1
-            search = Explorer(
+            return Explorer(
                 self._program,
                 self._transitions,
                 self._spec,
                 generaliser,
-                phases,
+                PHASES if self._quantifiers.tmr0_phase else 1,
                 self._max_states,
                 self._tell,
-                self._starts(written),
+                starts_of(self._chip, self._quantifiers, written),
             ).search()
-            if search.answer is SearchAnswer.CUT and added < MAX_ADDED_CUTS:
-                added += 1
-                generaliser.add_cut(search.cut)
-            elif search.answer is SearchAnswer.REFINE and refined < MAX_REFINEMENTS:
-                refined += 1
-            elif (
-                search.answer is SearchAnswer.CLOSED
-                and self._quantifiers.start
-                and self._transitions.written - written
-            ):
-                # A reset leaves the RAM as it was (DS35007 table 6-4): of the known start values, only those
-                # hold that the program never writes. Runs with fewer of them may write more places, so this
-                # repeats until none is added.
-                written = frozenset(self._transitions.written)
-            else:
-                self._cuts = set(generaliser.cuts)
-                answer = self._answer(search)
-                if answer.proven and self._quantifiers.any_eeprom:
-                    return self._any_eeprom(answer, generaliser, written)
-                return answer
+
+        most = MAX_ADDED_CUTS, MAX_REFINEMENTS
+        found, written = search_until_decided(search, generaliser.add_cut, most, self._written)
+        self._cuts = set(generaliser.cuts)
+        answer = self._answer(found)
+        if answer.proven and self._quantifiers.any_eeprom:
+            return self._any_eeprom(answer, generaliser, written)
+        return answer
+
+    def _written(self) -> frozenset[int]:
+        """Return the places that the program has written, if there are start values that this ends."""
+        return frozenset(self._transitions.written if self._quantifiers.start else ())
 
     def _abstract_chip(self, image: Image, any_eeprom: bool = False) -> AbstractChip:
         """Return the chip on the schedule's board, with another program or content of the EEPROM."""
@@ -210,19 +205,12 @@ class _Prover:
                 phases,
                 chip,
                 idle,
-            ).prove(self._starts(written))
+            ).prove(starts_of(self._chip, self._quantifiers, written))
             self._chip.released |= chip.released
             # With other contents the program may write more places, which then are unknown after a reset.
             if not self._quantifiers.start or trimmed.written <= written:
                 return trimmed
             written |= trimmed.written
-
-    def _starts(self, written: frozenset[int]) -> list[ChipState]:
-        """Return the states in which a run may begin, if the program writes the places in `written`."""
-        if not self._quantifiers.resets:
-            return [self._chip.power_on()]
-        reset = self._chip.after_reset(written)
-        return [self._chip.power_on(), reset] if self._quantifiers.start else [reset]
 
     @property
     def _case(self) -> Case:
@@ -266,7 +254,7 @@ class _Prover:
             shown = concrete(self._case, search.nodes, finding)
             if shown is not None:
                 return self._result(search, shown, "")
-        return self._result(search, None, _why(finding, search))
+        return self._result(search, None, why_undecided(finding, search))
 
     def _result(self, search: SearchResult | None, shown: Counterexample | None, reason: str) -> Proof:
         nodes = search.nodes if search else []
@@ -297,14 +285,8 @@ class _Prover:
             "levels of inputs change between instruction cycles; the crystal is exact",
             AS_IN_THE_FILE,
         ]
-        if self._chip.watchdog and self._quantifiers.watchdog:
-            assumptions.append("no chip's watchdog is faster than 7 ms (DS35007, parameter 31)")
-        elif self._chip.watchdog:
-            assumptions.append(f"the watchdog's period is {self._board.watchdog_us / 1000:g} ms")
-        if self._program.eeprom_accesses:
-            write = "at most " if self._quantifiers.eeprom_write else ""
-            assumptions.append(f"an EEPROM write takes {write}{self._write_us / 1000:g} ms")
-        assumptions += [f"at power-up {name} is 0x{value:02X}" for name, value in self._quantifiers.start]
+        write_us = self._write_us if self._program.eeprom_accesses else None
+        assumptions += self._quantifiers.assumed_of_chip(self._board, bool(self._chip.watchdog), write_us)
         assumptions += held_assumptions(self._held, self._schedule)
         if not self._quantifiers.tmr0_phase:
             assumptions.append("TMR0 counts from the cycle after OPTION_REG is written")
@@ -340,11 +322,6 @@ def _why_held(schedule: PulseSchedule) -> str:
     return (
         "by request" if schedule.buttons or schedule.commands else "it does not say what another level does"
     )
-
-
-def _why(finding: SearchFinding, search: SearchResult) -> str:
-    place = f"address 0x{finding.pc:03X}, {len(search.nodes)} states seen, {search.open_nodes} open"
-    return f"{finding.message} ({place})"
 
 
 def _waits_endlessly(search: SearchResult) -> int | None:

@@ -49,6 +49,30 @@ class Quantifiers:
         plain = not self.start and not self.any_eeprom
         return plain and self.tmr0_phase and self.resets and self.watchdog and self.eeprom_write
 
+    def text(self, *, held: bool) -> str:
+        """Return what is quantified over, if some inputs are `held`; everything else is assumed."""
+        parts = ["power-up"] if self.resets and not self.start else []
+        parts += [] if held else ["input"]
+        parts += ["chip"] if self.watchdog and self.tmr0_phase and self.eeprom_write else []
+        if not parts:
+            return "one power-up, the inputs and the chip that are assumed"
+        return "every " + " and ".join(part for part in (", ".join(parts[:-1]), parts[-1]) if part)
+
+    def assumed_of_chip(self, board: SimulatorOptions, watchdog: bool, write_us: int | None) -> list[str]:
+        """Return what is assumed of the times and start values of a chip on a board.
+
+        `watchdog` is whether it is on; `write_us` is the time of an EEPROM write, None without any access.
+        """
+        assumed = []
+        if watchdog:
+            period = f"the watchdog's period is {board.watchdog_us / 1000:g} ms"
+            fastest = "no chip's watchdog is faster than 7 ms (DS35007, parameter 31)"
+            assumed.append(fastest if self.watchdog else period)
+        if write_us is not None:
+            most = "at most " if self.eeprom_write else ""
+            assumed.append(f"an EEPROM write takes {most}{write_us / 1000:g} ms")
+        return assumed + [f"at power-up {name} is 0x{value:02X}" for name, value in self.start]
+
 
 EVERYTHING = Quantifiers()
 

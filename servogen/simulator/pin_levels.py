@@ -6,9 +6,15 @@ In: changes by the chip and from outside. Out: the changes that a probe at each 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import takewhile
 
-from servogen.edges import UNDRIVEN, EdgeChunk, edge_chunk
+from servogen.edges import UNDRIVEN, EdgeChunk, EdgeTrace, edge_chunk, join
+from servogen.pic.image import Image
+from servogen.simulator.machine import Machine
+from servogen.simulator.options import SimulatorOptions
 from servogen.simulator.sources import STIMULUS_PINS, LevelChange
+from servogen.simulator.stimulus import Stimuli
+from servogen.units import Clock, Cycles
 
 
 def at_the_pins(driven: EdgeChunk, outside: Iterable[LevelChange]) -> EdgeChunk:
@@ -28,3 +34,15 @@ def at_the_pins(driven: EdgeChunk, outside: Iterable[LevelChange]) -> EdgeChunk:
             seen[pin] = now
             changes.append((cycle, pin, now))
     return edge_chunk(*zip(*changes, strict=True)) if changes else edge_chunk((), (), ())
+
+
+def pin_trace(
+    image: Image, clock: Clock, cycles: Cycles, options: SimulatorOptions, stimulus: Stimuli | None
+) -> EdgeTrace:
+    """Return the levels at all pins from power-up on: the chip's own, and the stimulus's at its inputs."""
+    machine = Machine(image, clock, options, stimulus)
+    driven = join(machine.stream(cycles))
+    if stimulus is None:
+        return EdgeTrace(clock, (driven,), cycles)
+    outside = takewhile(lambda change: change.cycle < cycles, stimulus.all_changes(clock))
+    return EdgeTrace(clock, (at_the_pins(driven, outside),), cycles)

@@ -6,19 +6,16 @@ In: a contract and a program with its stimulus, or the file of a recording. Out:
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import takewhile
+from dataclasses import replace
 from pathlib import Path
 
 from servogen.contract import Contract, ContractVerdict, judge_contract
-from servogen.contract.judge import not_judged
-from servogen.edges import EdgeTrace, join
 from servogen.errors import InputError, Location
-from servogen.pic.image import Image
 from servogen.programs import Program, clock_of
-from servogen.simulator import Machine, SimulatorOptions, Stimuli
-from servogen.simulator.pin_levels import at_the_pins
+from servogen.simulator import SimulatorOptions, Stimuli
+from servogen.simulator.pin_levels import pin_trace
 from servogen.traces.captures import is_capture, read_capture, read_recording
-from servogen.units import Clock, Cycles
+from servogen.units import Clock
 
 RUN_SECONDS = 20.0
 """The time for which a program runs unless another one is given."""
@@ -27,18 +24,6 @@ RUN_SECONDS = 20.0
 def contract_clock(contract: Contract, program: Program | None, clock_hz: int | None) -> Clock:
     """Return the clock: the one that was given, that of the contract, or that of the program, else 4 MHz."""
     return clock_of(program, clock_hz if clock_hz is not None else contract.clock_hz)
-
-
-def pin_trace(
-    image: Image, clock: Clock, cycles: Cycles, options: SimulatorOptions, stimulus: Stimuli | None
-) -> EdgeTrace:
-    """Return the levels at all pins from power-up on: the chip's own, and the stimulus's at its inputs."""
-    machine = Machine(image, clock, options, stimulus)
-    driven = join(machine.stream(cycles))
-    if stimulus is None:
-        return EdgeTrace(clock, (driven,), cycles)
-    outside = takewhile(lambda change: change.cycle < cycles, stimulus.all_changes(clock))
-    return EdgeTrace(clock, (at_the_pins(driven, outside),), cycles)
 
 
 def judge_program(
@@ -60,17 +45,12 @@ def judge_recording(
 ) -> ContractVerdict:
     """Return the verdict on a recording: edges in cycles of a chip from its reset on, or a capture.
 
-    A capture's times are those of its samples: an edge lies up to a sample away, so a range is kept as it
-    is, and the sample is stated. Raises InputError.
+    A capture's times are those of its samples. Raises InputError.
     """
-    captured = is_capture(file)
-    trace = read_recording(file, clock, None, wires).stored()
-    verdict = judge_contract(contract.clauses(clock), trace, from_reset=not captured, capture=captured)
-    if not captured:
-        return verdict
+    clauses = contract.clauses(clock)
+    if not is_capture(file):
+        return judge_contract(clauses, read_recording(file, clock, None, wires), from_reset=True)
     capture = read_capture(file, wires)
-    if capture.missing is not None:
-        return not_judged(verdict, f"the capture is incomplete: {capture.missing}")
     if len(capture.pieces) > 1:
         raise InputError(
             "conflicting-options",
@@ -78,4 +58,8 @@ def judge_recording(
             Location(str(file)),
             "capture the contract's whole time at once",
         )
-    return verdict
+    trace = read_recording(file, clock, None, wires)
+    verdict = judge_contract(clauses, trace, from_reset=False, capture=True)
+    if capture.missing is None:
+        return verdict
+    return replace(verdict, unseen=(f"the capture is incomplete: {capture.missing}",))

@@ -54,7 +54,11 @@ def test_a_proof_names_its_one_engine_and_a_counterexample_its_command(files: Pa
     proven = run(*words)
     assert proven.code == 1
     assert proven.out.startswith("proven by one engine: the checker does not cover contracts")
+    assert "for every power-up, input and chip: every clause is kept" in proven.out
     assert run(*words, "--accept-one-engine").code == 0
+    restricted = run(*words, "--start", "ram=0", "--watchdog-us", "18000")
+    assert "for every input: every clause is kept" in restricted.out
+    assert "at power-up ram is 0x00" in restricted.out
     (files / "answer.toml").write_text(answer(2, 5))
     broken = run(*words, "--accept-one-engine", "--no-resets", "--json")
     command = json.loads(broken.out)["counterexample"]["command"].split()
@@ -67,6 +71,11 @@ def test_what_does_not_go_together_is_refused(files: Path, run: Run) -> None:
     assert run("verify", "wave.asm").code == 2
     assert run("verify", "wave.asm", "--contract", "wave.toml", "--against", "s.json").code == 2
     assert run("prove", "wave.asm", "--contract", "wave.toml", "--against", "s.json").code == 2
+    for option in ("--any-eeprom", "--hold-inputs", "--certify-held-inputs"):
+        assert run("prove", "wave.asm", "--contract", "wave.toml", option).code == 2
+    for options in (("--forever",), ("--rate", "1000000")):
+        refused = run("verify", "wave.asm", "--contract", "wave.toml", *options)
+        assert refused.code == 2 and options[0] in refused.err
     (files / "edges.csv").write_text("cycle,pin,level\n0,RB3,1\n")
     refused = run("verify", "edges.csv", "--contract", "wave.toml", "--stimulus", "s.toml")
     assert refused.code == 2 and "omit --stimulus" in refused.err

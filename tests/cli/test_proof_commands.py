@@ -111,7 +111,7 @@ def test_a_proof_says_what_it_is_over_how_large_it_was_and_what_it_assumes() -> 
     ],
 )
 def test_only_what_is_quantified_over_is_claimed(over: Quantifiers, held: dict[int, int], words: str) -> None:
-    assert schedule_proof._over(proof(quantifiers=over, held=held)) == words
+    assert over.text(held=bool(held)) == words
 
 
 def test_a_counterexample_has_the_command_that_shows_it_two_frames_long() -> None:

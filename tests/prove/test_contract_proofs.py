@@ -14,8 +14,8 @@ from servogen.pic.image import Image
 from servogen.prove.contract import ContractProof, prove_contract
 from servogen.prove.quantifiers import Quantifiers
 from servogen.simulator import Levels, Stimuli
+from servogen.simulator.pin_levels import pin_trace
 from servogen.units import Clock, Cycles
-from servogen.workflows.contracts import pin_trace
 
 CLOCK = Clock(4_000_000)
 HEADER = """
@@ -153,3 +153,22 @@ def test_a_program_that_depends_on_its_ram_is_shown_with_the_power_up() -> None:
     found = proof(program, contract, Quantifiers(resets=False))
     assert found.counterexample is not None
     assert found.counterexample.options.start != ()
+
+
+def test_a_chip_without_a_crystal_has_no_proven_times() -> None:
+    wave = WAVE.format(turns=10)
+    rc = assemble(HEADER.replace("_XT_OSC", "_RC_OSC") + wave + "\n        end\n", "rc.asm").image
+    found = proof(rc, PULSE)
+    assert not found.proven and "oscillator" in found.reason
+
+
+def test_what_is_not_quantified_over_is_assumed() -> None:
+    program = image(WAVE.format(turns=10))
+    over = Quantifiers(resets=False, tmr0_phase=False, start=(("0x20", 7),))
+    assumed = proof(program, PULSE, over).assumptions
+    for each in (
+        "there is no reset after power-on",
+        "at power-up 0x20 is 0x07",
+        "TMR0 counts from the cycle after",
+    ):
+        assert any(each in said for said in assumed), each

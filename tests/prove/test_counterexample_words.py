@@ -36,10 +36,10 @@ from servogen.prove.counterexample import (
     pin_changes,
     slow_oscillator,
 )
-from servogen.prove.explore import SearchFinding
+from servogen.prove.explore import SearchFinding, why_undecided
 from servogen.prove.forks import Choices
 from servogen.prove.nodes import Decision, Node
-from servogen.prove.prover import _trims_text, _waits_endlessly, _why, held_assumptions
+from servogen.prove.prover import _trims_text, _waits_endlessly, held_assumptions
 from servogen.prove.quantifiers import EVERYTHING, ChipTrial, Quantifiers, trials
 from servogen.prove.specification import BEFORE, IN_FRAME, OVER, Specification, SpecState, Violation
 from servogen.pulse import PulseSchedule
@@ -599,7 +599,7 @@ def test_which_byte_of_the_eeprom_is_whose_trim() -> None:
 def test_what_is_not_decided_names_its_place() -> None:
     search: Any = SimpleNamespace(nodes=[1, 2, 3], open_nodes=4)
     one = replace(finding(0, 1), message="too many ways", pc=0x1A)
-    assert _why(one, search) == "too many ways (address 0x01A, 3 states seen, 4 open)"
+    assert why_undecided(one, search) == "too many ways (address 0x01A, 3 states seen, 4 open)"
 
 
 @pytest.mark.parametrize(

@@ -236,7 +236,7 @@ def any_eeprom(monkeypatch: pytest.MonkeyPatch, outcome: Any, plain: Proof = PLA
     monkeypatch.setattr(prover, "AbstractChip", lambda *_: SimpleNamespace(released=0))
     monkeypatch.setattr(prover, "rising_addresses", lambda *_: frozenset())
     monkeypatch.setattr(_Prover, "_assumptions", lambda self: PLAIN.assumptions)
-    monkeypatch.setattr(_Prover, "_starts", lambda self, written: ["start", written])
+    monkeypatch.setattr(prover, "starts_of", lambda chip, over, written: ["start", written])
     found = one._any_eeprom(plain, SimpleNamespace(), frozenset({7}))
     assert isinstance(found, Proof)
     return found
