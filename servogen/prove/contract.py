@@ -51,8 +51,6 @@ from servogen.units import Clock, Cycles
 MAX_STATES = 100_000
 MAX_ADDED_CUTS = 24
 MAX_REFINEMENTS = 200
-PHASES = 4
-"""Ways in which TMR0 begins to count after a write of OPTION_REG."""
 SAMPLE_S = (1, 8, 64)
 """Seconds of a plain run from which the first cut is chosen: the shortest in which the main loop repeats."""
 LONGEST_RUN_S = 20
@@ -327,7 +325,7 @@ class _ContractProver:
                 self._transitions,
                 self._spec,  # type: ignore[arg-type]
                 generaliser,
-                PHASES if self._quantifiers.tmr0_phase else 1,
+                self._quantifiers.phases,
                 self._max_states,
                 self._tell,
                 starts_of(self._chip, self._quantifiers, written),

@@ -43,8 +43,6 @@ MAX_STATES = 400_000
 MAX_ADDED_CUTS = 12
 MAX_REFINEMENTS = 60
 AS_IN_THE_FILE = "the EEPROM holds what the file says"
-PHASES = 4
-"""The cycles, 0 to 3, for which TMR0 may stand still after a write of OPTION_REG."""
 
 Tell = Callable[[int, int], None]
 
@@ -134,7 +132,7 @@ class _Prover:
                 self._transitions,
                 self._spec,
                 generaliser,
-                PHASES if self._quantifiers.tmr0_phase else 1,
+                self._quantifiers.phases,
                 self._max_states,
                 self._tell,
                 starts_of(self._chip, self._quantifiers, written),
@@ -193,7 +191,6 @@ class _Prover:
         )
         chip = self._abstract_chip(self._image, any_eeprom=True)
         rises = rising_addresses(self._image, self._schedule)
-        phases = PHASES if self._quantifiers.tmr0_phase else 1
         while True:
             trimmed = TrimProof(
                 self._program,
@@ -202,7 +199,7 @@ class _Prover:
                 generaliser,
                 self._always,
                 rises,
-                phases,
+                self._quantifiers.phases,
                 chip,
                 idle,
             ).prove(starts_of(self._chip, self._quantifiers, written))

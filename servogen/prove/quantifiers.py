@@ -12,6 +12,8 @@ from itertools import product
 from servogen.pic.device import WATCHDOG_US, device
 from servogen.simulator import SimulatorOptions
 
+PHASES = 4
+"""The cycles after a write of OPTION_REG in which TMR0 may begin to count: 0 to 3."""
 SEEDS = 64
 """Random start values that are tried."""
 WRITE_TIMES = 16
@@ -42,6 +44,11 @@ class Quantifiers:
     """Any content of the EEPROM, where the program reads trims; else that of the file."""
     start: Start = ()
     """Values at power-up that are known, of `simulator.options.START_VALUES`; all others are anything."""
+
+    @property
+    def phases(self) -> int:
+        """Return in how many ways TMR0 begins to count after a write of OPTION_REG."""
+        return PHASES if self.tmr0_phase else 1
 
     @property
     def complete(self) -> bool:
