@@ -109,9 +109,11 @@ def test_the_metadata_is_complete() -> None:
 
 @pytest.fixture
 def hatch_build(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    """hatch_build.py, which is imported by the build backend: only its base class comes from there."""
-    interface = SimpleNamespace(MetadataHookInterface=object)
-    monkeypatch.setitem(sys.modules, "hatchling.metadata.plugin.interface", interface)
+    """hatch_build.py, which is imported by the build backend: only its base classes come from there."""
+    metadata = SimpleNamespace(MetadataHookInterface=object)
+    builders = SimpleNamespace(BuildHookInterface=object)
+    monkeypatch.setitem(sys.modules, "hatchling.metadata.plugin.interface", metadata)
+    monkeypatch.setitem(sys.modules, "hatchling.builders.hooks.plugin.interface", builders)
     spec = importlib.util.spec_from_file_location("hatch_build", ROOT / "hatch_build.py")
     assert spec and spec.loader
     module = importlib.util.module_from_spec(spec)

@@ -53,7 +53,7 @@ ALLOWED = {
         "prove the programs of firmware/",
     ),
     "docs/design.md": ("→ `Proof`", "finds the proof"),
-    "docs/contracts.md": ("proof", "proven by one engine"),
+    "docs/contracts.md": ("proof", "proven by one engine", "prove less"),
     "docs/firmware.md": (
         "`servogen prove` proves this for every",
         "### What is proven",
