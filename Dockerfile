@@ -13,7 +13,7 @@ FROM python:3.11-slim
 # What the tested versions need comes from wheels: no compiler, no git.
 COPY constraints.txt /opt/servogen/
 COPY --from=build /wheels /wheels
-RUN pip install --no-cache-dir -c /opt/servogen/constraints.txt "$(echo /wheels/servogen-*.whl)[plot,symbolic]"
+RUN pip install --no-cache-dir -c /opt/servogen/constraints.txt "$(echo /wheels/servogen-*.whl)[plot,symbolic,testing]"
 
 # The files are those of the folder mounted at /work; -u "$(id -u)" makes them yours.
 WORKDIR /work

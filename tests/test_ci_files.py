@@ -15,6 +15,8 @@ from typing import Any
 import pytest
 import yaml
 
+from tests.testing.page import PROGRAMS, TESTS, write
+
 ROOT = Path(__file__).parent.parent
 ACTION: dict[str, Any] = yaml.safe_load((ROOT / "action.yml").read_text())
 STEPS: list[dict[str, Any]] = ACTION["runs"]["steps"]
@@ -74,7 +76,9 @@ def test_the_step_that_installs_takes_the_tested_versions() -> None:
     words = shlex.split(pip.replace("$GITHUB_ACTION_PATH", str(ROOT)))
     assert words[:4] == ["python", "-m", "pip", "install"]
     assert Path(words[words.index("-c") + 1]) == ROOT / "constraints.txt"
-    assert Path(words[-1], "pyproject.toml").is_file()
+    folder, extras = words[-1].removesuffix("]").split("[")
+    assert Path(folder, "pyproject.toml").is_file()
+    assert extras in tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     (matcher,) = re.findall(r"::add-matcher::\$GITHUB_ACTION_PATH/([\w./-]+)", step["run"])
     (pattern,) = json.loads((ROOT / matcher).read_text())["problemMatcher"][0]["pattern"]
     line = "jobs/my arm.toml:3:1: error: servo[1].pin: unknown pin 'RB9' [unknown-pin]"
@@ -107,7 +111,92 @@ def test_a_program_that_is_wrong_fails_the_step_and_the_summary_says_so(tmp_path
     assert "NOT exact" in (tmp_path / "summary.md").read_text(), out
 
 
-@pytest.mark.parametrize("given", [{}, {"jobs": " \n"}, {"program": "main.hex"}])
+CI = ROOT / "docs" / "examples" / "ci"
+MATCHERS = json.loads((ROOT / ".github" / "problem-matcher.json").read_text())["problemMatcher"]
+
+
+def annotations(out: str) -> list[tuple[str, int, str]]:
+    """Return the file, the line and the message of each annotation that GitHub makes of an output."""
+    lines, found = out.splitlines(), []
+    for matcher in MATCHERS:
+        patterns = matcher["pattern"]
+        for first in range(len(lines) - len(patterns) + 1):
+            values: dict[str, str] = {}
+            for pattern, line in zip(patterns, lines[first:], strict=False):
+                match = re.search(pattern["regexp"], line)
+                if match is None:
+                    break
+                values |= {key: match[number] for key, number in pattern.items() if isinstance(number, int)}
+            else:
+                found.append((values["file"], int(values["line"]), values["message"]))
+    return found
+
+
+def template(folder: Path, old: str = "", new: str = "") -> dict[str, str]:
+    """Copy the template with a change in its firmware; return what its workflow gives the action."""
+    shutil.copytree(CI, folder, dirs_exist_ok=True)
+    source = folder / "dimmer.c"
+    assert old in source.read_text()
+    source.write_text(source.read_text().replace(old, new))
+    workflow = yaml.safe_load((folder / ".github" / "workflows" / "firmware.yml").read_text())
+    return inputs(**workflow["jobs"]["timing"]["steps"][1]["with"])
+
+
+def test_the_template_passes(tmp_path: Path) -> None:
+    code, out, ran = act(tmp_path, template(tmp_path))
+    assert (code, ran) == (0, ["inputs", "contract", "facts", "tests"]), out
+    assert annotations(out) == []
+    summary = (tmp_path / "summary.md").read_text()
+    assert re.findall("^#### (.*)", summary, re.M) == ["✅ contract", "✅ facts of dimmer.c", "✅ tests"]
+    assert 'tests="3"' in (tmp_path / "build" / "junit.xml").read_text()
+
+
+def test_a_broken_contract_is_annotated_at_its_clause(tmp_path: Path) -> None:
+    code, out, ran = act(tmp_path, template(tmp_path, "__delay_us(400)", "__delay_us(600)"))
+    assert (code, ran) == (1, ["inputs", "contract"]), out
+    clauses = (CI / "contract.toml").read_text().splitlines()
+    found = annotations(out)
+    assert [(file, clauses[line - 1]) for file, line, _ in found] == [
+        ("contract.toml", "[[pulse]]"),
+        ("contract.toml", "[[every]]"),
+    ]
+    assert "❌ contract" in (tmp_path / "summary.md").read_text()
+
+
+def test_a_failed_test_is_annotated_at_its_line(tmp_path: Path) -> None:
+    """The contract allows both lights, so only the tests see that it begins with the wrong one."""
+    code, out, ran = act(tmp_path, template(tmp_path, "bright = 0", "bright = 1"))
+    assert (code, ran[-1]) == (1, "tests"), out
+    tests = (CI / "tests" / "test_dimmer.py").read_text().splitlines()
+    assert [file for file, *_ in annotations(out)] == ["tests/test_dimmer.py"] * 3
+    assert all(tests[line - 1].startswith("    ") for _, line, _ in annotations(out))
+    assert all("assert" in message for *_, message in annotations(out))
+
+
+def test_what_was_never_written_fails_the_step_of_the_facts(tmp_path: Path) -> None:
+    values = template(tmp_path, "bright = 0, pressed", "bright, pressed") | {"contract": "", "program": ""}
+    code, out, ran = act(tmp_path, values)
+    assert (code, ran) == (1, ["inputs", "facts"]), out
+    assert "❌ facts of dimmer.c" in (tmp_path / "summary.md").read_text()
+
+
+def test_the_ten_examples_pass_as_tests_of_the_action(tmp_path: Path) -> None:
+    write(tmp_path, PROGRAMS, TESTS)
+    code, out, _ = act(tmp_path, inputs(tests=" ".join(TESTS)))
+    assert code == 0, out
+    assert "failed" not in out and " passed" in out
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {},
+        {"jobs": " \n"},
+        {"program": "main.hex"},
+        {"contract": "c.toml"},
+        {"schedule": "s.json", "tests": "t"},
+    ],
+)
 def test_inputs_that_are_missing_fail_before_anything_is_run(tmp_path: Path, given: dict[str, str]) -> None:
     code, out, ran = act(tmp_path, inputs(**given))
     assert (code, ran) == (2, ["inputs"])

@@ -97,7 +97,9 @@ class ContractVerdict:
             if each.first is not None:
                 ms = float(self.clock.us(each.first.cycle)) / 1000
                 more = f", and {each.breaches - 1} times later" if each.breaches > 1 else ""
-                yield f"            at {ms:g} ms, cycle {each.first.cycle}: {each.first.message}{more}"
+                where = f"{each.clause.place.in_file}: " if each.clause.place.in_file else ""
+                moment = f"at {ms:g} ms, cycle {each.first.cycle}"
+                yield f"            {where}{moment}: {each.first.message}{more}"
         for reason in self.unseen:
             yield f"  not judged: {reason}"
 
