@@ -135,10 +135,12 @@ class ExpectedChunk(NamedTuple):
 
 
 def join(chunks: Iterable[EdgeChunk]) -> EdgeChunk:
-    """Return all chunks as one."""
+    """Return all chunks as one; a single one is returned itself."""
     parts = list(chunks)
     if not parts:
-        return edge_chunk((), (), ())
+        return NO_EDGES
+    if len(parts) == 1:
+        return parts[0]
     return EdgeChunk(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
@@ -152,3 +154,7 @@ def edge_chunk(cycle: npt.ArrayLike, pin: npt.ArrayLike, level: npt.ArrayLike) -
     return EdgeChunk(
         np.asarray(cycle, dtype=np.int64), np.asarray(pin, dtype=np.uint8), np.asarray(level, dtype=np.uint8)
     )
+
+
+NO_EDGES = edge_chunk((), (), ())
+"""No edges."""

@@ -12,6 +12,7 @@ from servogen.debug.time_machine import NO_LINE, TimeMachine
 from servogen.errors import InputError, did_you_mean
 from servogen.pic.device import RAM_FIRST, RAM_LAST
 from servogen.pic.listing import Listing
+from servogen.simulator import MachineState
 
 
 class Variable(NamedTuple):
@@ -75,9 +76,12 @@ def line_at(chip: TimeMachine, address: int) -> ListedLine | None:
     return ListedLine(file, line, lines[line - 1].strip() if line <= len(lines) else "")
 
 
-def current_line(chip: TimeMachine) -> ListedLine | None:
-    """Return the source line that runs: within a routine of the compiler, the one that called it."""
-    state = chip.machine.state()
+def current_line(chip: TimeMachine, state: MachineState | None = None) -> ListedLine | None:
+    """Return the source line that runs: within a routine of the compiler, the one that called it.
+
+    `state` is the chip's, where it is known.
+    """
+    state = state or chip.machine.state()
     returns = (address - 1 for address in state.stack[: state.stack_depth])
     lines = (line_at(chip, address) for address in (state.pc, *returns))
     return next((line for line in lines if line is not None), None)

@@ -132,12 +132,14 @@ def noted(s: npt.NDArray[np.int64]) -> list[tuple[int, int, int, int]]:
     rows = s[at.WARNINGS : end].reshape(-1, at.WARNING_FIELDS)
     notes = [(int(key) >> 16, int(key) & 0xFFFF, int(cycle), int(place)) for key, cycle, place in rows]
     for pin in range(len(PINS)):
+        if not s[at.DRIVEN_UNKNOWN] >> pin & 1:
+            continue
         since, place = (int(value) for value in s[at.DRIVEN_FROM + 2 * pin : at.DRIVEN_FROM + 2 * pin + 2])
         late = int(s[at.CYCLE]) - since > GLITCH
         noted_before = any(
             (code, subject) == (at.WARN_DRIVEN_UNWRITTEN, pin) for code, subject, _, _ in notes
         )
-        if s[at.DRIVEN_UNKNOWN] >> pin & 1 and late and not noted_before:
+        if late and not noted_before:
             notes.append((at.WARN_DRIVEN_UNWRITTEN, pin, since, place))
     return notes
 

@@ -77,14 +77,15 @@ class ScheduledEdges:
 
     def edges(self, begin: int, end: int) -> list[Edge]:
         """Return the edges from the moment `begin` up to `end`."""
-        edges = []
+        edges: list[Edge] = []
+        pins = self.pins.tolist()
         near = 1 if self.tolerance else 0  # rounding moves an edge out of its frame
         frames = range(max(0, self.frame_of(begin) - near), self.frame_of(max(begin, end - 1)) + 1 + near)
         for frame in frames:
             start = frame * self.schedule.period
-            for channel, pulse in zip(self.schedule.channels, self.run_of(frame).pulses, strict=True):
+            for pin, pulse in zip(pins, self.run_of(frame).pulses, strict=True):
                 if pulse:
-                    pin, rise = PINS.index(channel.pin), start + pulse.rise
+                    rise = start + pulse.rise
                     edges += [(self.at(rise), pin, HIGH), (self.at(rise + pulse.width), pin, LOW)]
         last = end if self.end is None else min(end, self.end)
         return sorted(edge for edge in edges if max(begin, self.begin) <= edge[0] < last)
@@ -111,14 +112,17 @@ def wanted_of(schedule: PulseSchedule, trace: EdgeTrace) -> ScheduledEdges | Non
     return None
 
 
-def differing(wanted: ScheduledEdges, edges: EdgeChunk, begin: int, end: int) -> list[Edge]:
-    """Return the edges of a window that only one of the two has; `made` counts an undriven pin as low.
+def differing(
+    wanted: ScheduledEdges, edges: EdgeChunk, begin: int, end: int, asked: list[Edge] | None = None
+) -> list[Edge]:
+    """Return the edges of a window that only one of the two has; `edges` count an undriven pin as low.
 
-    `made` has to reach `wanted.margin` beyond the window.
+    They have to reach `wanted.margin` beyond the window, and so has what is `asked`, where that is known.
     """
     last = end if wanted.end is None else min(end, wanted.end)
     first = max(begin, wanted.begin)
-    asked = wanted.edges(begin - wanted.margin, end + wanted.margin)
+    if asked is None:
+        asked = wanted.edges(begin - wanted.margin, end + wanted.margin)
     mine = np.isin(edges.pin, wanted.pins) & (edges.cycle >= wanted.at(0) - wanted.margin)
     seen = list(zip(*(column[mine].tolist() for column in edges), strict=True))
     alone = _alone(asked, seen, wanted.tolerance) | _alone(seen, asked, wanted.tolerance)

@@ -83,7 +83,6 @@ class LatestEdges:
 
 def _levels(levels: tuple[int, ...], edges: EdgeChunk) -> tuple[int, ...]:
     """Return the level of each pin after some edges, from those before."""
-    after = list(levels)
-    for pin in np.unique(edges.pin).tolist():
-        after[pin] = int(edges.level[np.flatnonzero(edges.pin == pin)[-1]])
-    return tuple(after)
+    after = np.array(levels, dtype=np.uint8)
+    after[edges.pin] = edges.level  # of several values for one pin NumPy keeps the last
+    return tuple(after.tolist())

@@ -96,6 +96,7 @@ class Room:
         self._status: Message = {"is": "status", "text": "starting"}
         self._theorem: Message = {"is": "theorem", "text": ""}
         self._repetition: Repetition | None = None
+        self._learning = False
         self._windows: dict[str, Window] = {}
         self._tasks: set[asyncio.Future[None]] = set()
         self._editing = asyncio.Lock()
@@ -143,37 +144,41 @@ class Room:
             self._say({"is": "status", "failed": True, "text": f"a defect of servogen: {error!r}"})
             return
         self._show(subject)
-        await self._learn(subject)
 
-    async def _learn(self, subject: Subject) -> None:
-        """Find out, while the subject is shown, what is proven of it, and what it does again and again."""
+    async def _find_theorem(self, subject: Subject) -> None:
+        """Find out, while the subject is shown, what is proven of it."""
         text = await asyncio.to_thread(theorem_of, subject)
         if text and subject is self._subject:
             self._theorem = {"is": "theorem", "text": text}
             for window in self._windows.values():
                 self._send(window, self._theorem)
+
+    async def _learn(self, subject: Subject) -> None:
+        """Find out, while the subject is shown, what it does again and again."""
         repetition = await asyncio.to_thread(repetition_of, subject)
         if subject is self._subject:
-            self._repetition = repetition
+            self._repetition, self._learning = repetition, False
             for window in self._windows.values():
                 if window.session is not None:
                     window.session.knows(repetition)
 
     def _show(self, subject: Subject) -> None:
         """Show another subject in every window, at the moment where each is."""
-        self._subject, self._repetition = subject, None
+        self._subject, self._repetition, self._learning = subject, None, True
         self._theorem = {"is": "theorem", "text": ""}
         self._say({"is": "status", "text": ""})
         for window in self._windows.values():
-            window.session = self._continued(window, subject)
+            window.session = self._session(window.session, subject)
             self._send(window, window.session.model())
             self._send(window, window.session.shown())
+        self._begin(self._find_theorem(subject))
+        self._begin(self._learn(subject))
 
-    def _continued(self, window: Window, subject: Subject) -> WatchSession:
-        return window.session.continued(subject) if window.session else self._fresh(subject)
-
-    def _fresh(self, subject: Subject) -> WatchSession:
-        return WatchSession(subject, self._live, self._repetition)
+    def _session(self, before: WatchSession | None, subject: Subject) -> WatchSession:
+        """Return a session of the subject at the moment of another one, or at its own first."""
+        if before is not None:
+            return before.continued(subject, self._repetition, learning=self._learning)
+        return WatchSession(subject, self._live, self._repetition, learning=self._learning)
 
     def _say(self, message: Message) -> None:
         self._status = message
@@ -228,11 +233,11 @@ class Room:
         """
         window = self._windows.get(name)
         if window is None or window.socket is not None:
-            session = self._fresh(self._subject) if self._subject else None
+            session = (
+                self._session(window.session if window else None, self._subject) if self._subject else None
+            )
             if window is None and session is not None and isinstance(cycle, int) and cycle > 0:
                 list(session.handle({"do": "seek", "cycle": cycle}))
-            if window is not None and window.session is not None and self._subject is not None:
-                session = window.session.continued(self._subject, self._repetition)
             window = Window(session)
             name = secrets.token_urlsafe(12)
             self._windows[name] = window
@@ -276,7 +281,6 @@ class Room:
                     self._send(other, self._editor.opened())
         if subject is not None:
             self._show(subject)
-            self._begin(self._learn(subject))
 
 
 class WatchServer:

@@ -58,8 +58,10 @@ MAX_CYCLE_S = 48 * 3600
 """The latest moment that can be gone to."""
 ANSWER_S = 0.25
 """The time in which a moment is gone to before it is said how far the way there is done."""
-WAY_S = 0.1
+WAY_S = 0.2
 """The time for which the server goes on towards a far moment between two looks at other requests."""
+FAR_S = 60
+"""The simulated time from which on a way waits until it is known what the program does again and again."""
 MAX_REPETITION_S = 7200
 """The simulated time in which a program's state has to come back."""
 EDGE_S = 10
@@ -68,7 +70,7 @@ MAX_EDGES = 20_000
 """The maximum number of edges in one answer; a range with more is cut."""
 SCOPE_SPEED = 0.1
 """The speed above which the waves show whole frames of the past, like a scope triggered by the frame."""
-SCOPE_S = 0.15
+SCOPE_S = 0.25
 """The interval between two such views; more slowly, the edges come with every picture."""
 AHEAD = 0.25
 """The part of the waves that is kept free for the future at lower speeds."""
@@ -78,7 +80,7 @@ HELD_S = (1, 10)
 """How far back pulses are searched for the last position of servos that have none now."""
 FRAME_S = Fraction(20, 1000)
 """The assumed frame of a program without a schedule."""
-FULL_S = 0.33
+FULL_S = 0.5
 """The interval at which the whole chip is shown while it runs."""
 SLICE_S = 0.03
 """The time that the server calculates between two messages at full speed."""
@@ -99,7 +101,12 @@ class WatchSession:
     """A window's own machine: its moment, speed and breakpoints."""
 
     def __init__(
-        self, subject: Subject, live: LiveLine | None = None, repetition: Repetition | None = None
+        self,
+        subject: Subject,
+        live: LiveLine | None = None,
+        repetition: Repetition | None = None,
+        *,
+        learning: bool = False,
     ) -> None:
         """Begin at the subject's first moment; `live` is the line of a real robot."""
         self.subject = subject
@@ -137,6 +144,9 @@ class WatchSession:
         self._way: Iterator[None] | None = None
         """The way to a moment that was asked for, while it is being gone."""
         self._goal = 0
+        self.learning = learning
+        """Whether the server is finding out what the program does again and again; a far way waits for it, as
+        two runs of the same would only slow each other down."""
         self.listener: SerialListener | None = None
         """What decodes the bytes on a pin of the chip, while the window listens to one."""
         self._go(subject.begin)
@@ -296,10 +306,14 @@ class WatchSession:
     def _proceed(self, seconds: float) -> Message:
         """Go on to the moment that was asked for; return it, or how much of the way is done."""
         end = time.monotonic() + seconds
+        going = {"is": "going", "share": self.now / max(1, self._goal), "cycle": self._goal}
         assert self._way is not None
+        far = self._goal - self.now > self.subject.clock.round_seconds(FAR_S)
+        if self.learning and far and self.chip is not None and not self.chip.inputs:
+            return going
         for _ in self._way:
             if time.monotonic() >= end:
-                return {"is": "going", "share": self.now / max(1, self._goal), "cycle": self._goal}
+                return going | {"share": self.now / max(1, self._goal)}
         self._arrive()
         return self.shown()
 
@@ -391,7 +405,7 @@ class WatchSession:
     def _chip(self, chip: TimeMachine) -> Message:
         state = chip.machine.state()
         rows = [] if self.running else chip.executed(LAST).tolist()
-        line = current_line(chip)
+        line = current_line(chip, state)
         return {
             "pc": state.pc,
             "w": state.w,
@@ -512,7 +526,7 @@ class WatchSession:
     def _waves(self, begin: int, end: int) -> Message:
         seen = min(end, int(self._place.reach))
         edges = zip(*(column.tolist() for column in self._edges(begin, seen)), strict=True)
-        asked = sorted(edge for wanted in self._wanted() for edge in wanted.edges(begin, end))
+        asked, alone = self._asked(begin, end, seen)
         given = self._outside(begin, seen)
         return {
             "is": "waves",
@@ -524,7 +538,7 @@ class WatchSession:
             "inputs": _packed((edge for edge in given if edge[0] >= begin), begin),
             "inputs_before": {edge[1]: edge[2] for edge in given if edge[0] < begin},
             "wanted": _packed(asked, begin),
-            "differing": _packed(self._differing(begin, seen), begin),
+            "differing": _packed(alone, begin),
         }
 
     def _edges(self, begin: int, end: int) -> EdgeChunk:
@@ -551,15 +565,19 @@ class WatchSession:
             wanted if end == inf else replace(wanted, end=int(end)) for wanted in self.subject.wanted
         )
 
-    def _differing(self, begin: int, end: int) -> list[Edge]:
-        """Return the edges of a window of the past that only one of the program and the schedule has."""
-        edges: list[Edge] = []
+    def _asked(self, begin: int, end: int, seen: int) -> tuple[list[Edge], list[Edge]]:
+        """Return the scheduled edges of a window, and the edges up to `seen` that only one side has."""
+        asked: list[Edge] = []
+        alone: list[Edge] = []
         for wanted in self._wanted():
             first = max(0, begin - wanted.margin)
-            last = min(end + wanted.margin, int(self._place.reach))
+            last = min(seen + wanted.margin, int(self._place.reach))
             made = _driven(self._levels_before(first), self._edges(first, last))
-            edges += differing(wanted, made, begin, end)
-        return sorted(edges)
+            around = wanted.edges(begin - wanted.margin, end + wanted.margin)
+            asked += [edge for edge in around if begin <= edge[0] < end]
+            near = [edge for edge in around if edge[0] < seen + wanted.margin]
+            alone += differing(wanted, made, begin, seen, near)
+        return sorted(asked), sorted(alone)
 
     def _outside(self, begin: int, end: int) -> list[Edge]:
         """Return the changes from outside before `end`: the last of each pin before `begin`, and the rest."""
@@ -682,12 +700,17 @@ class WatchSession:
 
     def knows(self, repetition: Repetition | None) -> None:
         """Take what the program does again and again, unless something has been done to its pins."""
+        self.learning = False
         if self.chip is not None and not self.chip.inputs:
             self.chip.repetition = repetition
+            if self._way is not None:
+                self._way = self.chip.going(self._goal)
 
-    def continued(self, subject: Subject, repetition: Repetition | None = None) -> WatchSession:
+    def continued(
+        self, subject: Subject, repetition: Repetition | None = None, *, learning: bool = False
+    ) -> WatchSession:
         """Return a session of another version of the subject at the same moment."""
-        fresh = WatchSession(subject, self.live, repetition)
+        fresh = WatchSession(subject, self.live, repetition, learning=learning)
         fresh.speed, fresh.running, fresh.listener = self.speed, self.running, self.listener
         fresh._go(self._goal if self._way is not None else self.now)
         if self.bodies is not None:

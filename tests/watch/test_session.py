@@ -31,7 +31,7 @@ from servogen.watch import session as session_module
 from servogen.watch.differences import Edge, ScheduledEdges
 from servogen.watch.editing import Editor
 from servogen.watch.live_line import LiveLine
-from servogen.watch.session import MAX_BREAKPOINTS, WatchSession
+from servogen.watch.session import MAX_BREAKPOINTS, WatchSession, repetition_of
 from servogen.watch.subject import Setting, Subject, check, load_subject
 from tests.engines.player.command_walks import target
 from tests.engines.player.test_direction_buttons import ROBOT, TEXT, TWO
@@ -780,3 +780,22 @@ def test_poses_of_another_form_are_not_changed(tmp_path: Path) -> None:
     ):
         assert "written as poses = [" in found["diagnostics"][0]["message"]
         assert found["diagnostics"][0]["line"] == text[:begin].count("\n") - 1
+
+
+def test_a_far_way_waits_while_the_repetition_is_being_found(lab8: Subject) -> None:
+    """Hour 20 costs the chip nothing until it is known what the program does again and again."""
+    session = WatchSession(lab8, learning=True)
+    hour20 = 20 * 3600 * 10**6
+    assert answer(session, do="seek", cycle=hour20)["is"] == "going"
+    (waiting,) = session.tick(0.066)
+    assert (waiting["is"], session.now) == ("going", 0)
+    session.knows(repetition_of(lab8))
+    (there,) = session.tick(0.066)
+    assert there["is"] == "now" and there["cycle"] - hour20 in range(3)
+    near = WatchSession(lab8, learning=True)
+    assert answer(near, do="seek", cycle=30 * 10**6)["is"] == "now", "half a minute is quicker than to wait"
+    touched = WatchSession(lab8, learning=True)
+    answer(touched, do="pin", pin="RA3", level=1)
+    answer(touched, do="seek", cycle=hour20)
+    list(touched.tick(0.066))
+    assert touched.now > 0, "what is known is of a program whose pins nobody has touched"
