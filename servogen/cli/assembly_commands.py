@@ -12,8 +12,8 @@ from servogen.cli.options import DeviceName, MemoryLimit, Output, TimeLimit
 from servogen.cli.show import next_step, warn_of_all
 from servogen.isolation import COMPILING, WorkLimits
 from servogen.outputs import write_text
-from servogen.pic.assembler import assemble as assembled
-from servogen.pic.assembler import beside
+from servogen.pic.assembler.assembly import AssemblySource, beside, link
+from servogen.pic.assembler.sections import EVERY_CHIP, read_script
 from servogen.pic.device import ASSEMBLED_DEVICES
 from servogen.pic.device import device as device_named
 from servogen.pic.disassembler import disassemble as disassembled
@@ -25,9 +25,18 @@ ListingFile = Annotated[Path | None, typer.Option("--listing", help="Write the l
 
 
 def assemble(
-    source: Annotated[Path, typer.Argument(help="An assembly file.", show_default=False)],
+    sources: Annotated[
+        list[Path],
+        typer.Argument(help="Assembly files: all sources of one program, in order.", show_default=False),
+    ],
     output: Output = None,
     listing: ListingFile = None,
+    script: Annotated[
+        Path | None,
+        typer.Option(
+            "--script", help="A linker script (.lkr), instead of gplink's for the chip.", show_default=False
+        ),
+    ] = None,
     device: Annotated[
         str | None,
         typer.Option("--device", help="The chip (default: the one that the source names, else PIC16F84)."),
@@ -35,17 +44,18 @@ def assemble(
     timeout: TimeLimit = COMPILING.seconds,
     memory_mb: MemoryLimit = COMPILING.memory_mb,
 ) -> None:
-    """Assemble MPASM source to Intel HEX (default output: the file's name with .hex)."""
+    """Assemble MPASM sources to Intel HEX (default output: the first file's name with .hex)."""
     chip = device_named(device, ASSEMBLED_DEVICES) if device else None
-    text = read_assembly(source)
+    modules = [AssemblySource(read_assembly(each), str(each), beside(each.parent)) for each in sources]
+    memory = read_script(read_assembly(script), str(script)) if script else EVERY_CHIP
     assembly = within_limits(
-        lambda: assembled(text, str(source), chip, beside(source.parent)),
-        source,
+        lambda: link(modules, chip, memory),
+        sources[0],
         WorkLimits(timeout, memory_mb),
         "--timeout and --memory-mb allow more",
     )
-    target = output or source.with_suffix(".hex")
-    keep_apart([source], target, listing)
+    target = output or sources[0].with_suffix(".hex")
+    keep_apart([*sources, *([script] if script else [])], target, listing)
     write_program(target, assembly.image, listing, assembly.listing)
     print(f"{target}: {assembly.image.words} words of 1024")
     print(next_step("simulate", target))

@@ -256,3 +256,14 @@ def test_disassemble_prints_or_writes(run: Run, compiled: dict[str, Any]) -> Non
         printed.out,
     )
     assert "16f84a" in run("disassemble", "a.hex", "--device", "PIC16F84A").out.lower()
+
+
+def test_assemble_links_all_sources_of_a_program(run: Run, tmp_path: Path) -> None:
+    head = " list p=16f84a\n include <p16f84a.inc>\n"
+    one, two = tmp_path / "one.asm", tmp_path / "two.asm"
+    one.write_text(f"{head} extern far\nR CODE 0\n goto far\n end\n")
+    two.write_text(f"{head} global far\nC CODE\nfar goto far\n end\n")
+    done = run("assemble", one, two)
+    assert done.code == 0 and "one.hex: 2 words of 1024" in done.out
+    alone = run("assemble", one)
+    assert alone.code == 2 and "name all of the program's sources" in alone.err

@@ -34,6 +34,7 @@ MPASM = {
     "asm-endless-loop": 131,
     "asm-too-complex": 132,
     "asm-relocatable": 149,
+    "asm-section": 152,
     "unknown-device": 180,
     "asm-config": 181,
     "asm-unknown-symbol": 201,

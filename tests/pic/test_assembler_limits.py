@@ -91,9 +91,9 @@ CUT = "warning asm-argument-truncated"
         (" if\n endif", ["1:2 error asm-missing-argument: IF lacks an operand"]),
         (" dw 1,,2", ["1:9 error asm-missing-argument: DW lacks an operand"]),
         (" org 1, 2", ["1:2 error asm-too-many-arguments: ORG takes at most 1 operand, not 2"]),
-        (" code 1",
-         ["1:2 error asm-relocatable: CODE is for relocatable code, which needs a linker | "
-          "use org and cblock"]),
+        (" idata 1",
+         ["1:2 error asm-relocatable: IDATA is not supported | "
+          "UDATA reserves the bytes, and the program writes them"]),
         (" pagesel 0", ["1:2 note asm-page: the chip has one page: no page selection is needed"]),
         # RAM
         (" __maxram 0x2F\n clrf 0x2F", []),

@@ -1,23 +1,25 @@
 """`assemble`: translates a source in MPASM's language into an `Image` and its `Listing`.
 
 Two passes over the same lines: the first determines the addresses of the labels, the second places the words.
+`link` does the same with the sources of one program, whose sections it places between.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from servogen.errors import Diagnostic, InputError, Location, SourceLines
 from servogen.inputs import read_input
-from servogen.pic.assembler.blocks import EndOfSource, ExitMacro, OutOfBudget, TooManyErrors
+from servogen.pic.assembler.blocks import EndOfSource, ExitMacro, OutOfBudget, Placed, TooManyErrors
 from servogen.pic.assembler.control import CONTROL
 from servogen.pic.assembler.definitions import DEFINITIONS
 from servogen.pic.assembler.layout import LAYOUT
+from servogen.pic.assembler.sections import EVERY_CHIP, LinkerScript, Sections, place
 from servogen.pic.assembler.settings import SETTINGS
 from servogen.pic.assembler.source import lines_of
-from servogen.pic.assembler.state import Include, Pass
+from servogen.pic.assembler.state import Include, Pass, PlacedWords
 from servogen.pic.assembler.symbols import Symbols
 from servogen.pic.device import (
     DEVICES,
@@ -45,45 +47,154 @@ class Assembly:
     """Global labels and their word addresses, by address."""
 
 
+@dataclass(frozen=True, slots=True)
+class AssemblySource:
+    """One source of a program. `include` returns the text of an include file, see `beside`; the chips' own
+    headers are built in.
+    """
+
+    text: str
+    file: str = "source.asm"
+    include: Include = lambda name: None
+
+
 def assemble(
     text: str, file: str = "source.asm", device: Device | None = None, include: Include | None = None
 ) -> Assembly:
-    """Assemble a source. Raises InputError with every error found.
+    """Assemble one source. Raises InputError with every error found.
 
-    If `device` is None, the source selects it, with the PIC16F84 as default. `include` returns the text of an
-    include file, see `beside`; the chips' own headers are built in.
+    If `device` is None, the source selects it, with the PIC16F84 as default.
     """
-    symbols = Symbols()
-    directives = {**DEFINITIONS, **LAYOUT, **CONTROL, **SETTINGS}
-    lines = lines_of(text, file)
-    for number in (1, 2):
-        if number == 2:
-            symbols.second_pass()
-        state = Pass(symbols, include or (lambda name: None), directives)
-        if device is not None:
-            state.choose(device)
+    return link([AssemblySource(text, file, include or (lambda name: None))], device)
+
+
+def link(
+    sources: Sequence[AssemblySource], device: Device | None = None, memory: LinkerScript = EVERY_CHIP
+) -> Assembly:
+    """Assemble the sources of one program, and place their sections. Raises InputError with all errors.
+
+    Where a source opens sections, another pass measures them before the two that all sources take.
+    """
+    modules = [_Module(source, device) for source in sources]
+    exports: dict[str, int] = {}
+    words = PlacedWords()
+    for module in modules:
+        module.run(exports, words)
+    if any(module.sections for module in modules):
+        for module in modules:
+            module.measure(words)
+        _refuse(modules)
+        place([module.sections for module in modules], memory)
+        exports.clear()
+        for module in modules:
+            module.symbols = Symbols()
+            module.run(exports, words)
+    for module in modules:
+        module.symbols.second_pass()
+        module.run(exports, words)
+    _report_twins(modules)
+    _refuse(modules)
+    return _assembly(modules, words)
+
+
+class _Module:
+    """A source, and what is kept of it from one pass to the next."""
+
+    def __init__(self, source: AssemblySource, device: Device | None) -> None:
+        self.source = source
+        self.symbols = Symbols()
+        self.sections = Sections()
+        self.lines = lines_of(source.text, source.file)
+        self._device = device
+        self._spent = False
+        self.state: Pass
+
+    def run(self, exports: dict[str, int], words: PlacedWords) -> None:
+        """Take a pass. One that ran out of its budget has the last word."""
+        if self._spent:
+            return
+        self.sections.begin()
+        state = self.state = Pass(
+            self.symbols,
+            self.source.include,
+            DIRECTIVES,
+            memory=words,
+            sections=self.sections,
+            exports=exports,
+        )
+        if self._device is not None:
+            state.choose(self._device)
         ended = False
         try:
-            state.run(lines)
+            state.run(self.lines)
         except EndOfSource:
             ended = True
         except OutOfBudget:
-            break
+            self._spent = True
         except (ExitMacro, TooManyErrors):
             pass
-        if number == 2 and not ended and not state.log.errors:
-            place = Location(file, len(lines))
-            state.log.add(Diagnostic("warning", "asm-no-end", "the source has no END", place))
-    sources = {file: text, **state.sources}
-    if state.log.errors:
-        raise InputError.of(state.log.errors, _lines_of(state.log.errors, sources))
-    labels = sorted(symbols.addresses().items(), key=lambda pair: (pair[1], pair[0]))
+        state.close_section()
+        self._export(exports)
+        if not state.first and not ended and not state.log.errors:
+            last = Location(self.source.file, len(self.lines))
+            state.log.add(Diagnostic("warning", "asm-no-end", "the source has no END", last))
+
+    def measure(self, words: PlacedWords) -> None:
+        """Take a pass that knows that the source has sections: an ORG before the first one is one, too."""
+        self.symbols = Symbols()
+        self.run({}, words)
+        self.sections.measured()
+
+    def _export(self, exports: dict[str, int]) -> None:
+        for name, line in self.state.globals.items():
+            symbol = self.symbols.find(name)
+            if symbol is None:
+                self.state.report(
+                    "error", "asm-undefined-symbol", f"'{name}' is global, but not defined", line
+                )
+            elif self.state.first and name in exports:
+                self.state.report("error", "asm-duplicate-symbol", f"'{name}' is global in two sources", line)
+            else:
+                exports[name] = symbol.value
+
+    @property
+    def texts(self) -> dict[str, str]:
+        return {self.source.file: self.source.text, **self.state.sources}
+
+
+DIRECTIVES = {**DEFINITIONS, **LAYOUT, **CONTROL, **SETTINGS}
+
+
+def _report_twins(modules: Sequence[_Module]) -> None:
+    """Report each name that a source makes global although an earlier one does."""
+    seen: set[str] = set()
+    for module in modules:
+        for name in seen & module.state.globals.keys():
+            line = module.state.globals[name]
+            module.state.report("error", "asm-duplicate-symbol", f"'{name}' is global in two sources", line)
+        seen |= module.state.globals.keys()
+
+
+def _refuse(modules: Sequence[_Module]) -> None:
+    """Raise InputError if the last pass of a source found errors."""
+    errors = [error for module in modules for error in module.state.log.errors]
+    if errors:
+        texts = {file: text for module in modules for file, text in module.texts.items()}
+        raise InputError.of(errors, _lines_of(errors, texts))
+
+
+def _assembly(modules: Sequence[_Module], words: PlacedWords) -> Assembly:
+    texts = {file: text for module in modules for file, text in module.texts.items()}
+    remarks = tuple(remark for module in modules for remark in module.state.log.remarks)
+    addresses = [pair for module in modules for pair in module.symbols.addresses().items()]
+    labels = sorted(addresses, key=lambda pair: (pair[1], pair[0]))
+    device = next((module.state.device for module in modules if module.state.device), DEVICES[0])
     return Assembly(
-        image=state.memory.image(),
-        listing=_listing(state, labels, ((file, text), *state.sources.items())),
-        warnings=state.log.remarks,
-        source_lines=_lines_of(state.log.remarks, sources),
-        device=state.device or DEVICES[0],
+        image=words.image(),
+        listing=_listing([module.state for module in modules], labels, tuple(texts.items())),
+        warnings=remarks,
+        source_lines=_lines_of(remarks, texts),
+        device=device,
         labels=tuple(labels),
     )
 
@@ -116,19 +227,21 @@ def beside(directory: Path) -> Include:
     return read
 
 
-def _listing(state: Pass, labels: Sequence[tuple[str, int]], sources: tuple[tuple[str, str], ...]) -> Listing:
-    rows = _rows(state)
+def _listing(
+    states: Sequence[Pass], labels: Sequence[tuple[str, int]], sources: tuple[tuple[str, str], ...]
+) -> Listing:
+    rows = _rows(placed for state in states for placed in state.placed)
     names = {address: name for name, address in reversed(labels)}
     return Listing(
         rows=rows,
         functions=routines(rows, names),
-        variables=_variables(state),
+        variables=_variables(block for state in states for block in state.blocks),
         sources=sources,
         labels=tuple(labels),
     )
 
 
-def _rows(state: Pass) -> tuple[ListingRow, ...]:
+def _rows(words: Iterable[Placed]) -> tuple[ListingRow, ...]:
     """Return the program words as listing rows; words outside the program are omitted."""
     return tuple(
         ListingRow(
@@ -139,11 +252,11 @@ def _rows(state: Pass) -> tuple[ListingRow, ...]:
             file=placed.line.file,
             line=placed.line.number,
         )
-        for placed in sorted(state.placed, key=lambda word: word.address)
+        for placed in sorted(words, key=lambda word: word.address)
         if placed.address < PROGRAM_WORDS
     )
 
 
-def _variables(state: Pass) -> tuple[tuple[int, str, int], ...]:
-    """Return the entries of CBLOCK that lie in RAM: the variables of an assembly source."""
-    return tuple(sorted(block for block in state.blocks if RAM_FIRST <= block[0] <= RAM_LAST))
+def _variables(blocks: Iterable[tuple[int, str, int]]) -> tuple[tuple[int, str, int], ...]:
+    """Return the entries of CBLOCK and of sections of data that lie in RAM: the variables of assembly."""
+    return tuple(sorted(block for block in blocks if RAM_FIRST <= block[0] <= RAM_LAST))

@@ -1,4 +1,6 @@
-"""Directives that place words: ORG, RES, FILL, DATA, DW, DB, DT, DE, DA; and those that select banks."""
+"""Directives that place words: ORG, RES, FILL, DATA, DW, DB, DT, DE, DA; those that open sections, and those
+that select banks.
+"""
 
 from __future__ import annotations
 
@@ -8,20 +10,32 @@ from collections.abc import Iterator
 from servogen.pic.assembler import instructions
 from servogen.pic.assembler.expressions import Expression, Number, String
 from servogen.pic.assembler.messages import SourceError
+from servogen.pic.assembler.sections import KINDS
 from servogen.pic.assembler.source import Statement
 from servogen.pic.assembler.state import Directive, Pass
+from servogen.pic.assembler.text import IDENTIFIER
 from servogen.pic.device import EEPROM_ADDRESS, EEPROM_BYTES, register_bits
 from servogen.pic.isa import WORD_MASK, encode
 
 
 def _org(state: Pass, statement: Statement) -> None:
-    state.location = state.one(statement)
+    address = state.one(statement)
+    if state.sections:
+        state.open_section(f".org_{address:x}", "code", address, statement)
+    state.location = address
     if statement.label is not None:
         state.symbols.define(statement.label, state.location, "label", statement.label_column)
 
 
 def _res(state: Pass, statement: Statement) -> None:
-    """Reserve words, which stay erased."""
+    """Reserve words, which stay erased, or in a section of data bytes."""
+    section = state.sections.current
+    if section is not None and not section.is_code:
+        size = _counted(state.one(statement), statement)
+        if statement.label is not None and not state.first:
+            state.blocks.append((state.location, statement.label, size))
+        state.location += size
+        return
     for _ in range(_counted(state.one(statement), statement)):
         state.emit(WORD_MASK, statement)
 
@@ -160,12 +174,38 @@ def _pagesel(state: Pass, statement: Statement) -> None:
     )
 
 
-def _relocatable(state: Pass, statement: Statement) -> None:
+def _section(state: Pass, statement: Statement) -> None:
+    """Process `name CODE address` and its like; without a name it is that of the kind."""
+    kind = next(each for each in KINDS if each == statement.operation)
+    origin = state.one(statement) if statement.rest else None
+    state.open_section(statement.label or f".{kind}", kind, origin, statement)
+
+
+def _names(statement: Statement) -> Iterator[tuple[str, int]]:
+    """Yield the names of `global a, b`, with their columns."""
+    for part in statement.rest.split(","):
+        if not IDENTIFIER.fullmatch(part.chars):
+            raise SourceError("asm-missing-argument", "a name is missing here", part.column(0))
+        yield part.chars, part.column(0)
+
+
+def _global(state: Pass, statement: Statement) -> None:
+    state.globals |= {name: statement.line for name, _ in _names(statement)}
+
+
+def _extern(state: Pass, statement: Statement) -> None:
+    for name, column in _names(statement):
+        if state.symbols.defined(name):
+            raise SourceError("asm-duplicate-symbol", f"'{name}' is defined in this source", column)
+        state.externs.add(name)
+
+
+def _foreign(state: Pass, statement: Statement) -> None:
     raise SourceError(
         "asm-relocatable",
-        f"{statement.operation.upper()} is for relocatable code, which needs a linker",
+        f"{statement.operation.upper()} is not supported",
         statement.column,
-        "use org and cblock",
+        "UDATA reserves the bytes, and the program writes them",
     )
 
 
@@ -183,7 +223,8 @@ LAYOUT: dict[str, Directive] = {
     "bankisel": _bankisel,
     "pagesel": _pagesel,
     "pageselw": _pagesel,
-    **dict.fromkeys(
-        ("code", "udata", "udata_shr", "udata_ovr", "udata_acs", "idata", "global", "extern"), _relocatable
-    ),
+    **dict.fromkeys(KINDS, _section),
+    "global": _global,
+    "extern": _extern,
+    **dict.fromkeys(("idata", "udata_acs"), _foreign),
 }

@@ -215,6 +215,8 @@ SETTINGS: dict[str, Directive] = {
             "stitle",
             "__maxrom",
             "__badrom",
+            ".direct",  # a command to gpsim
+            ".line",  # a line of a compiler's source
         ),
         _nothing,
     ),

@@ -24,8 +24,10 @@ from servogen.pic.assembler.blocks import (
 )
 from servogen.pic.assembler.expressions import Expression, Parser, evaluate, parse_expression, suggestion
 from servogen.pic.assembler.messages import MAX_ERRORS, Log, SourceError
+from servogen.pic.assembler.sections import KINDS, Kind, Section, Sections
 from servogen.pic.assembler.source import ASSIGNMENTS, SourceLine, Statement, statement
 from servogen.pic.assembler.substitution import Definition, parameters, paste, substitute
+from servogen.pic.assembler.symbols import Kind as SymbolKind
 from servogen.pic.assembler.symbols import Symbols
 from servogen.pic.assembler.text import MAX_LINE, Text, line_too_long
 from servogen.pic.device import ERASED_WORD, Device, register_bits, registers
@@ -87,6 +89,9 @@ class Pass:
     symbols: Symbols
     include: Include
     directives: dict[str, Directive]
+    sections: Sections = field(default_factory=Sections)
+    exports: dict[str, int] = field(default_factory=dict)
+    """What the sources make `global`."""
     device: Device | None = None
     definitions: dict[str, Definition] = field(default_factory=dict)
     memory: PlacedWords = field(default_factory=PlacedWords)
@@ -97,6 +102,8 @@ class Pass:
     sources: dict[str, str] = field(default_factory=dict)
     macros: dict[str, Macro] = field(default_factory=dict)
     conditions: list[Condition] = field(default_factory=list)
+    externs: set[str] = field(default_factory=set)
+    globals: dict[str, SourceLine] = field(default_factory=dict)
     radix: int = instructions.DEFAULT_RADIX
     location: int = 0
     cblock: int = 0
@@ -122,9 +129,13 @@ class Pass:
         symbol = self.symbols.find(name)
         if symbol is not None:
             return symbol.value
+        if name in self.externs and name in self.exports:
+            return self.exports[name]
         return 0 if self.first or self.symbols.is_local(name) else None
 
     def hint(self, name: str) -> str | None:
+        if name in self.externs:
+            return f"no source makes {name} global: name all of the program's sources"
         if not self.symbols.defined("STATUS") and name.upper() in (*registers(), *register_bits(), "W", "F"):
             return "the names of the chip's registers and bits come with: include <p16f84.inc>"
         return suggestion(name, self.symbols.names())
@@ -132,6 +143,20 @@ class Pass:
     @property
     def first(self) -> bool:
         return self.symbols.in_pass == 1
+
+    # -- sections -------------------------------------------------------------------------------------
+
+    def open_section(self, name: str, kind: Kind, origin: int | None, statement: Statement) -> Section:
+        """Go on in a section: what follows has its addresses."""
+        self.close_section()
+        section = self.sections.open(name, kind, origin, statement.place)
+        self.location = section.base + section.used
+        return section
+
+    def close_section(self) -> None:
+        """Note how far the current section goes."""
+        if self.sections.current is not None:
+            self.sections.current.used = self.location - self.sections.current.base
 
     # -- the lines ------------------------------------------------------------------------------------
 
@@ -215,7 +240,9 @@ class Pass:
                     "asm-label", f"a label cannot stand before {operation.upper()}", statement.label_column
                 )
             if operation not in OWN_LABEL:
-                self.symbols.define(statement.label, self.location, "label", statement.label_column)
+                section = self.sections.current
+                kind: SymbolKind = "label" if section is None or section.is_code else "constant"
+                self.symbols.define(statement.label, self.location, kind, statement.label_column)
         elif statement.column == 1 and operation.upper() in instructions.mnemonics():
             self.report(
                 "warning", "asm-opcode-column", f"opcode '{statement.word}' in column 1", statement.line, 1
@@ -261,6 +288,7 @@ class Pass:
         unknown.
         """
         if self.first:
+            self.check_section(statement)
             self.spend()
             self.location += 1
             return
@@ -345,10 +373,21 @@ class Pass:
 
     def emit(self, word: int, statement: Statement, *, is_code: bool = False) -> None:
         """Place a word at the current location and advance it."""
+        self.check_section(statement)
         self.spend()
         address = self.location
         self.location += 1
         self.put(address, word, statement, is_code=is_code)
+
+    def check_section(self, statement: Statement) -> None:
+        """Raise SourceError for a word in a section of data, or, in a relocatable source, in none."""
+        section = self.sections.current
+        if section.is_code if section is not None else not self.sections:
+            return
+        where = f"{section.kind.upper()} reserves bytes with RES" if section else "no section is open here"
+        raise SourceError(
+            "asm-section", f"a word cannot be placed: {where}", statement.column, "CODE opens one"
+        )
 
     def put(self, address: int, word: int, statement: Statement, *, is_code: bool = False) -> None:
         """Place a word at any address of the chip, in the second pass."""
@@ -389,5 +428,5 @@ ELSE_IF = frozenset(mark + name for mark in ("", "#") for name in ("elif", "elif
 line there, and does not know them where it does."""
 ELSE_IF_HINT = "as in gpasm; put another IF between ELSE and ENDIF"
 
-OWN_LABEL = frozenset(("equ", "set", ".set", "=", "macro", "org", *ASSIGNMENTS))
+OWN_LABEL = frozenset(("equ", "set", ".set", "=", "macro", "org", "idata", *KINDS, *ASSIGNMENTS))
 """Directives that give the label in front of them a meaning of their own."""
