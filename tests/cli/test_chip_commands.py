@@ -13,7 +13,6 @@ import pytest
 from servogen import compiler
 from servogen.cli import compile_command
 from servogen.errors import Diagnostic, InputError, Location
-from servogen.pic import assembler
 from servogen.pic.image import Image
 from servogen.units import Clock
 from tests.cli.conftest import Run
@@ -48,13 +47,13 @@ def compiled(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Any]:
         seen["files"], seen["options"] = [source.file for source in texts], options
         return seen["result"]
 
-    def assemble(text: str, name: str, chip: Any, beside: Any) -> Any:
-        seen["assembled"] = (text, name, chip and chip.name)
+    def link(sources: Any, chip: Any, memory: Any) -> Any:
+        seen["assembled"] = ([(each.text, each.file) for each in sources], chip and chip.name)
         return seen["result"]
 
     stand_in(monkeypatch, "servogen.cli.files", "within_limits", within)
     stand_in(monkeypatch, compiler, "compile_sources", compile_them)
-    stand_in(monkeypatch, assembler, "assemble", assemble)
+    stand_in(monkeypatch, "servogen.pic.assembler.assembly", "link", link)
     stand_in(monkeypatch, "servogen.pic.listing", "listing_text", lambda rows: f"{rows}\n")
     monkeypatch.chdir(tmp_path)
     for name in ("a.c", "b.c", "a.asm"):
@@ -216,12 +215,12 @@ def test_assemble_writes_a_hex_and_perhaps_a_listing(run: Run, compiled: dict[st
     ran = run("assemble", "a.asm")
     assert (ran.code, ran.out) == (0, f"a.hex: {IMAGE.words} words of 1024\nnext: servogen simulate a.hex\n")
     assert ran.err.splitlines()[0] == "1 warning:"
-    assert compiled["assembled"] == ("; a.asm\n", "a.asm", None)
+    assert compiled["assembled"] == ([("; a.asm\n", "a.asm")], None)
     assert compiled["limits"] == (Path("a.asm"), 10.0, 300, "--timeout and --memory-mb allow more")
     assert not Path("a.lst").exists()
     words = ("--device", "PIC16F84A", "--listing", "a.lst", "-o", "x.hex", "--timeout", 5, "--memory-mb", 77)
     assert run("assemble", "a.asm", *words).out.startswith("x.hex: ")
-    assert compiled["assembled"][2] == "PIC16F84A"
+    assert compiled["assembled"][1] == "PIC16F84A"
     assert compiled["limits"][1:3] == (5.0, 77)
     assert Path("a.lst").read_text() == "listing\n"
 

@@ -132,7 +132,9 @@ def read_script(script: str, file: str) -> LinkerScript:
 
     Its other lines (LIBPATH, FILES, conditions) concern what the chip or the assembler has anyway.
     """
-    code, data, assigned = [], [], {}
+    code: list[MemoryBlock] = []
+    data: list[MemoryBlock] = []
+    assigned: dict[str, str] = {}
     for number, line in enumerate(script.splitlines(), 1):
         entry = _ENTRY.match(line.split("//")[0])
         if entry is None:
