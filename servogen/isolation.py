@@ -28,6 +28,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
+from threading import Event
 from typing import Any, TypeVar
 
 from servogen.errors import ServogenError
@@ -60,6 +61,8 @@ class WorkLimits:
         return self.seconds if self.elapsed_s is None else self.elapsed_s
 
 
+STOP_S = 0.05
+"""The interval between two looks at whether work is still wanted."""
 COMPILING = WorkLimits()
 """The limits for compiling or assembling one program. Programs that fit the chip use a tenth of them."""
 
@@ -94,6 +97,10 @@ class LimitExceeded(Exception):
         return f"gave more than {self.limits.result_mb} MB of results and messages"
 
 
+class Stopped(Exception):
+    """The work was stopped because its result is no longer wanted."""
+
+
 class ProcessDied(Exception):
     """The process ended without an answer; the text says whether it was killed or crashed."""
 
@@ -110,23 +117,25 @@ def missing_limits() -> str:
     return ""
 
 
-def run(work: Callable[[], T], limits: WorkLimits) -> T:
+def run(work: Callable[[], T], limits: WorkLimits, stop: Event | None = None) -> T:
     """Do `work` in a separate process; return what it returns, or raise what it raises.
 
-    On systems that cannot fork, `work` is done in this process without limits: see `missing_limits`.
+    Raises Stopped soon after another thread has set `stop`. On systems that cannot fork, `work` is done in
+    this process without limits: see `missing_limits`.
     """
-    ((_, result),) = run_each([work], limits)
+    ((_, result),) = run_each([work], limits, stop=stop)
     if isinstance(result, Exception):
         raise result
     return result
 
 
 def run_each(
-    works: Sequence[Callable[[], T]], limits: WorkLimits, at_once: int = 1
+    works: Sequence[Callable[[], T]], limits: WorkLimits, at_once: int = 1, stop: Event | None = None
 ) -> Iterator[tuple[int, T | Exception]]:
     """Do `works`, up to `at_once` at a time, and yield (index, returned or raised) as each one ends.
 
-    Each runs in a separate process. All of them have ended when the iteration ends, for whatever reason.
+    Raises Stopped soon after `stop` is set. Each runs in a separate process. All of them have ended when the
+    iteration ends, for whatever reason.
     """
     if not can_fork():
         yield from ((index, _in_this_process(work)) for index, work in enumerate(works))
@@ -141,8 +150,10 @@ def run_each(
                 running = [key.data for key in selector.get_map().values()]
                 if not running:
                     return
-                soonest = min(child.deadline for child in running)
-                for key, _ in selector.select(max(0.0, soonest - time.monotonic())):
+                if stop is not None and stop.is_set():
+                    raise Stopped
+                left = max(0.0, min(child.deadline for child in running) - time.monotonic())
+                for key, _ in selector.select(left if stop is None else min(left, STOP_S)):
                     key.data.receive()
                 for child in running:
                     if child.done or time.monotonic() >= child.deadline:

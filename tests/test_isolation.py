@@ -10,12 +10,13 @@ from contextlib import suppress
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
+from threading import Event, Timer
 
 import pytest
 
 from servogen import isolation
 from servogen.errors import InputError, Location
-from servogen.isolation import LimitExceeded, ProcessDied, Resource, WorkLimits, run, run_each
+from servogen.isolation import LimitExceeded, ProcessDied, Resource, Stopped, WorkLimits, run, run_each
 
 SHORT = WorkLimits(seconds=0.5)
 
@@ -336,3 +337,13 @@ def test_what_ran_out_is_said_with_both_times_if_they_differ() -> None:
         assert str(LimitExceeded(Resource.TIME, limits)) == text
     assert str(LimitExceeded(Resource.MEMORY, WorkLimits())) == "needed more than 300 MB of memory"
     assert str(LimitExceeded(Resource.RESULT, WorkLimits())) == "gave more than 16 MB of results and messages"
+
+
+def test_work_that_is_no_longer_wanted_ends() -> None:
+    stop = Event()
+    Timer(0.2, stop.set).start()
+    begin = time.monotonic()
+    with pytest.raises(Stopped):
+        run(spin, WorkLimits(seconds=60), stop)
+    assert time.monotonic() - begin < 5
+    assert run(lambda: 1, WorkLimits(), Event()) == 1

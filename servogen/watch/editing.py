@@ -1,7 +1,9 @@
 """`Editor`: the job file of a page: checked while it is typed, saved, extended by poses, built.
 
 In: requests of a window with the text as it stands there. Out: answers, and after a build what is watched
-from then on. Only this one file is ever read or written, whatever a request says.
+from then on. A text is planned and built in a separate process, which ends as soon as nobody wants to know
+any more: a text that was typed halfway may mean hours of motion. Only this one file is ever read or written,
+whatever a request says.
 """
 
 from __future__ import annotations
@@ -10,10 +12,12 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 from servogen.errors import Diagnostic, InputError, ServogenError
 from servogen.inputs import read_input
+from servogen.isolation import LimitExceeded, ProcessDied, Stopped, WorkLimits, run
 from servogen.job import Job, PlannedJob, loads, plan_job
 from servogen.job.schema import MotionTable
 from servogen.outputs import write_text
@@ -34,7 +38,8 @@ TIMES = ("move_s", "hold_s", "pause_s")
 SECONDS, MAX_S = 3, 100_000
 """The number of decimals of a pose's times in seconds, and the maximum time."""
 
-Progress = Callable[[str], None]
+LIMITS = WorkLimits(seconds=1800, memory_mb=1500, elapsed_s=7200, result_mb=64)
+"""The limits of planning or building a text."""
 
 
 class Editor:
@@ -52,32 +57,39 @@ class Editor:
             return {"is": "problem", "text": str(error)}
         return {"is": "editor", "name": self._path.name, "text": text, "saved": True}
 
-    def handle(self, request: Mapping[str, Any], progress: Progress) -> tuple[Message, Subject | None]:
-        """Do what a window asks for; return the answer and, after a build, the new subject."""
-        text = str(request.get("text", ""))
+    def handle(self, request: Mapping[str, Any], stop: Event) -> tuple[Message, Subject | None]:
+        """Do what a window asks for; return the answer and, after a build, the new subject.
+
+        Ends early when another thread sets `stop`.
+        """
+        what, text, saved = request.get("do"), str(request.get("text", "")), False
         try:
-            if request.get("do") == "record":
+            if what == "record":
                 return self._record(text, [float(angle) for angle in request["angles"]]), None
-            if request.get("do") == "pose":
+            if what == "pose":
                 return self._change(text, request), None
-            job = plan_job(loads(text, str(self._path)))
-            if request.get("do") == "check":
-                return _found(job), None
+            found = run(partial(self._found, text), LIMITS, stop)
+            if what == "check":
+                return found, None
             changed = self._changed(text, request)
             if changed is not None:
                 return changed, None
             write_text(self._path, text)
-            if request.get("do") == "save":
-                return {**_found(job), "saved": True}, None
-            return self._build(job, progress)
+            saved = True
+            if what == "save":
+                return {**found, "saved": True}, None
+            return run(partial(self._build, text), LIMITS, stop)
         except ServogenError as error:
-            return {**_checked(error.diagnostics), "failed": request.get("do") in ("save", "build")}, None
+            return {**_checked(error.diagnostics), "failed": what in ("save", "build")}, None
+        except Stopped:
+            return {"is": "stopped", "saved": saved}, None
+        except (LimitExceeded, ProcessDied) as error:
+            return {"is": "problem", "text": f"the text of the job {error}", "about": what}, None
         except (ValueError, TypeError, KeyError, IndexError) as error:
-            return {
-                "is": "problem",
-                "text": f"the request is wrong: {error}",
-                "about": request.get("do"),
-            }, None
+            return {"is": "problem", "text": f"the request is wrong: {error}", "about": what}, None
+
+    def _found(self, text: str) -> Message:
+        return _found(plan_job(loads(text, str(self._path))))
 
     def _changed(self, text: str, request: Mapping[str, Any]) -> Message | None:
         """Return the file's text if it is neither what the window may overwrite nor what it would write."""
@@ -86,9 +98,9 @@ class Editor:
             return {**there, "is": "differs"}
         return None
 
-    def _build(self, job: PlannedJob, progress: Progress) -> tuple[Message, Subject]:
-        result = build(job, progress)
-        return _built(result), job_subject(self._path, job, self._setting, progress)
+    def _build(self, text: str) -> tuple[Message, Subject]:
+        job = plan_job(loads(text, str(self._path)))
+        return _built(build(job)), job_subject(self._path, job, self._setting)
 
     def _record(self, text: str, angles: list[float]) -> Message:
         """Return the text with one more pose: `angles` of the job's servos, in radians."""

@@ -16,9 +16,10 @@ import json
 import secrets
 import time
 from collections.abc import Callable, Coroutine, Iterator, Mapping
-from contextlib import suppress
-from dataclasses import dataclass
+from contextlib import nullcontext, suppress
+from dataclasses import dataclass, field
 from http import HTTPStatus
+from threading import Event
 from types import MappingProxyType
 from typing import Any
 from urllib.parse import unquote
@@ -83,6 +84,12 @@ class Window:
 
     session: WatchSession | None = None
     socket: ServerConnection | None = None
+    unwanted: dict[str, Event] = field(default_factory=dict)
+    """What ends a check or a build that goes on for this window."""
+
+    def end_work(self) -> None:
+        for stop in self.unwanted.values():
+            stop.set()
 
 
 class Room:
@@ -122,6 +129,8 @@ class Room:
         """Forget the subject and the windows; the room can be started again."""
         if self._loading is not None:
             self._loading.cancel()
+        for window in self._windows.values():
+            window.end_work()
         self._loading, self._subject, self._windows = None, None, {}
 
     def refuse(self, window: ServerConnection, text: str) -> None:
@@ -214,9 +223,11 @@ class Room:
             async for text in socket:
                 message = _request(text)
                 if window is None:
-                    window = self._opened(str(message.get("window", ""))[:64], socket, message.get("cycle"))
+                    window = self._opened(str(message.get("window", ""))[:64], socket, message)
                     continue
-                if message.get("do") in ("check", "save", "build", "record", "pose"):
+                if message.get("do") == "stop":
+                    window.end_work()
+                elif message.get("do") in ("check", "save", "build", "record", "pose"):
                     self._begin(self._edit(window, message))  # a stop must not wait for a build
                 elif window.session is not None:
                     self._answer(window, _guarded(window.session, lambda s: s.handle(message)))  # noqa: B023
@@ -225,19 +236,23 @@ class Room:
         finally:
             if window is not None and window.socket is socket:
                 window.socket = None
+                if "check" in window.unwanted:
+                    window.unwanted["check"].set()
 
-    def _opened(self, name: str, socket: ServerConnection, cycle: object = None) -> Window:
+    def _opened(
+        self, name: str, socket: ServerConnection, place: Mapping[str, Any] = MappingProxyType({})
+    ) -> Window:
         """Return the window of that name as it was; a new one where none is, or where it is open already.
 
-        A window of a server that has ended comes back at its `cycle`.
+        A window of a server that has ended comes back at its `place`: the cycle and the breakpoints.
         """
         window = self._windows.get(name)
         if window is None or window.socket is not None:
             session = (
                 self._session(window.session if window else None, self._subject) if self._subject else None
             )
-            if window is None and session is not None and isinstance(cycle, int) and cycle > 0:
-                list(session.handle({"do": "seek", "cycle": cycle}))
+            if window is None and session is not None and place.get("cycle"):
+                session.come_back(place)
             window = Window(session)
             name = secrets.token_urlsafe(12)
             self._windows[name] = window
@@ -259,22 +274,30 @@ class Room:
             del self._windows[name]
 
     async def _edit(self, window: Window, message: Mapping[str, Any]) -> None:
-        """Check, save, extend or build the job, in a thread."""
+        """Check, save, extend or build the job, in a thread. A check ends the one before it."""
         if self._editor is None:
             self._send(window, {"is": "problem", "text": "only a job file can be changed here"})
             return
-        loop = asyncio.get_running_loop()
-
-        def progress(text: str) -> None:
-            loop.call_soon_threadsafe(self._send, window, {"is": "building", "text": text})
-
-        async with self._editing:  # one at a time: each goes on from the file that the one before has left
-            try:
-                answer, subject = await asyncio.to_thread(self._editor.handle, message, progress)
-            except Exception as error:
-                text = f"a defect of servogen: {error!r}"
-                answer, subject = {"is": "problem", "text": text, "about": message.get("do")}, None
-        self._send(window, answer)
+        kind, stop = str(message.get("do")), Event()
+        writes = kind in ("save", "build")
+        if not writes and kind in window.unwanted:
+            window.unwanted[kind].set()
+        if writes and kind in window.unwanted:
+            return  # it is being done
+        window.unwanted[kind] = stop
+        try:
+            # Of those that write, one at a time: each goes on from the file that the one before has left.
+            async with self._editing if writes else nullcontext():
+                answer, subject = await asyncio.to_thread(self._editor.handle, message, stop)
+        except Exception as error:
+            text = f"a defect of servogen: {error!r}"
+            answer, subject = {"is": "problem", "text": text, "about": kind}, None
+        finally:
+            if window.unwanted.get(kind) is stop:
+                del window.unwanted[kind]
+        if kind == "check" and stop.is_set():
+            return  # a newer text is being checked
+        self._send(window, answer | {"number": message.get("number")})
         if answer.get("saved") or answer["is"] == "built":  # the other windows see the same file
             for other in self._windows.values():
                 if other is not window:

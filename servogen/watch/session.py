@@ -11,6 +11,7 @@ sockets; every message is a value that JSON can hold.
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -697,6 +698,13 @@ class WatchSession:
     def _do_explain(self, message: Mapping[str, Any]) -> Iterator[Message]:
         pin = pin_number(str(message["pin"]))
         yield {"is": "explanation", "pin": pin, "lines": explain_pin(self._program(), pin)}
+
+    def come_back(self, place: Mapping[str, Any]) -> None:
+        """Take a place that a window had on a server that has ended; what is wrong with it is left out."""
+        texts = place.get("breakpoints")
+        for text in texts[:MAX_BREAKPOINTS] if isinstance(texts, list) else ():
+            deque(self.handle({"do": "breakpoint", "text": text, "on": True}), 0)
+        deque(self.handle({"do": "seek", "cycle": place.get("cycle")}), 0)
 
     def knows(self, repetition: Repetition | None) -> None:
         """Take what the program does again and again, unless something has been done to its pins."""

@@ -2,7 +2,7 @@
 
 import { ChipView } from "./chip.js";
 import { Console } from "./console.js";
-import { byId, element, places, Tabs, write } from "./dom.js";
+import { byId, element, Going, places, Tabs, write } from "./dom.js";
 import { Editor } from "./editor.js";
 import { Hands } from "./hands.js";
 import { Links } from "./links.js";
@@ -32,10 +32,11 @@ class Page {
     this.send = message => {
       if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message));
     };
+    this.loading = new Going(text => write(byId("status"), text));
     this.links = new Links();
     this.plan = new Plan();
     this.moment = new Moment(this.send, (text, kind) => this.say(text, kind));
-    this.editor = new Editor(places({
+    this.editor = this.seen.editor = new Editor(places({
       text: "job-text", lines: "job-lines", bands: "job-bands", state: "job-state", preview: "preview",
       problems: "job-problems", save: "save", build: "build", conflict: "job-conflict",
       progress: "build-progress", download: "download",
@@ -118,7 +119,9 @@ class Page {
     this.socket = new WebSocket(`${location.href.replace(/^http/, "ws").replace(/[?#].*$/, "")}socket`);
     this.socket.addEventListener("open", () => {
       this.lost(false);
-      this.send({ window: sessionStorage.getItem(PLACE) || "", cycle: this.latest?.cycle ?? 0 });
+      // A server that was started again knows no window: this is where it was.
+      const { cycle = 0, breakpoints = [] } = this.latest || {};
+      this.send({ window: sessionStorage.getItem(PLACE) || "", cycle, breakpoints });
     });
     this.socket.addEventListener("message", event => this.receive(JSON.parse(event.data)));
     this.socket.addEventListener("close", () => {
@@ -157,25 +160,20 @@ class Page {
       editor: () => this.editor.open(message),
       differs: () => this.editor.differs(message.text),
       checked: () => this.editor.checked(message),
-      building: () => this.editor.say(message.text),
+      stopped: () => this.editor.stopped(message),
       built: () => this.editor.built(message),
     }[message.is];
     take?.();
   }
-  // What the server is doing; of what takes long, for how many seconds.
+  // What the server is doing.
   status({ text, failed }) {
-    const begin = performance.now(), say = () => {
-      const seconds = Math.floor((performance.now() - begin) / 1000);
-      write(byId("status"), seconds && !failed ? `${text} (${seconds} s)` : text);
-    };
-    clearInterval(this.counting);
-    say();
-    if (text && !failed) this.counting = setInterval(say, 1000);
+    write(byId("status"), text);
+    if (text && !failed) this.loading.begin(text);
+    else this.loading.end();
     byId("status").classList.toggle("bad", !!failed);
   }
   problem(message) {
-    if (message.about === "check") this.editor.planned();
-    if (["save", "build"].includes(message.about)) this.editor.lost();
+    if (["check", "save", "build"].includes(message.about)) this.editor.lost();
     if (message.about === "breakpoint") this.breakpointSaid(message.text);
     else this.say(message.text, "bad");
   }

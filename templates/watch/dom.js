@@ -52,3 +52,16 @@ export class Tabs {
     this.choose(kept ? kept.id : ids[0]);
   }
 }
+
+// Says every second what goes on, and for how long it has.
+export class Going {
+  constructor(say) { this.say = say; }
+  begin(what) {
+    const begin = performance.now();
+    this.end();
+    this.timer = setInterval(() => {
+      this.say(`${what} (${Math.round((performance.now() - begin) / 1000)} s)`);
+    }, 1000);
+  }
+  end() { clearInterval(this.timer); }
+}

@@ -1,10 +1,9 @@
 // The job file: planned while it is typed, saved, built; errors stand at their lines.
 // Its text is one of three: on the disk (`saved`), built last (`made`), or only here; the page says which.
 
-import { element, write } from "./dom.js";
+import { element, Going, write } from "./dom.js";
 
 const PAUSE_MS = 100;   // after the last key, before it is planned
-const LATE_MS = 1000;   // after which the page says that it is still being planned
 
 export class Editor {
   // posed(answer) is told of the job whenever it is found to be right, null while it is not known to be;
@@ -14,11 +13,18 @@ export class Editor {
     this.saved = "";
     this.sent = null;   // what is being saved or built: it, not what was typed since, gets to the disk
     this.bands = {};
+    this.asked = { number: 0, text: "" };   // the last question: an answer about an older text is not wanted
+    this.planning = new Going(text => this.plan(text));
+    this.writing = new Going(text => {
+      this.stoppable = true;
+      this.say(text);
+      this.buttons();
+    });
     places.text.addEventListener("input", () => {
       clearTimeout(this.timer);
       this.timer = setTimeout(() => this.check(), PAUSE_MS);
       this.posed(null);
-      this.number();
+      this.numberLines();
       this.mark();
     });
     places.text.addEventListener("scroll", () => this.scroll());
@@ -26,18 +32,20 @@ export class Editor {
     places.text.addEventListener("pointerleave", () => this.pointed(null, false));
     places.text.addEventListener("click", event => this.pointed(this.lineAt(event), true));
     places.save.addEventListener("click", () => this.store("save"));
-    places.build.addEventListener("click", () => this.store("build"));
+    places.build.addEventListener("click", () => {
+      if (this.stoppable) this.send({ do: "stop" });
+      else this.store("build");
+    });
     window.addEventListener("beforeunload", event => { if (this.changed) event.preventDefault(); });
   }
   get text() { return this.places.text.value; }
   get changed() { return !!this.opened && this.text !== this.saved; }
-  // Ask for the plan of the text as it is now; one is asked for at a time.
+  // Ask for the plan of the text as it is now; the server plans an older one no further.
   check() {
     clearTimeout(this.timer);
-    if (this.checking) { this.again = true; return; }
-    this.checking = this.text;
-    this.late = setTimeout(() => this.plan("planning: this takes longer than a second"), LATE_MS);
-    this.send({ do: "check", text: this.text });
+    this.planning.begin("planning");
+    this.asked = { number: this.asked.number + 1, text: this.text };
+    this.send({ do: "check", ...this.asked });
   }
   plan(text) { write(this.places.preview, text); }
   // Write the file, unless somebody else has since it was read; `over` is the text that may be overwritten.
@@ -45,17 +53,32 @@ export class Editor {
     if (this.sent !== null) return;
     this.sent = this.text;
     this.say(what === "build" ? "building" : "saving");
+    this.writing.begin(what === "build" ? "building" : "saving");
     this.buttons();
     this.send({ do: what, text: this.sent, over });
+  }
+  // The answer has come.
+  written(text) {
+    this.writing.end();
+    this.sent = null;
+    this.stoppable = false;
+    this.say(text);
+    this.buttons();
+  }
+  stopped({ saved }) {
+    if (saved) this.stored(this.sent);
+    this.written(saved ? "stopped: the text is saved, but not built" : "stopped: nothing is saved");
   }
   open(message) {
     const kept = this.changed;
     if (message.saved && kept && message.text !== this.saved) {   // what was typed here stays
       if (message.text !== this.text) this.differs(message.text);
       else this.stored(message.text);
+    }
+    if (message.saved && kept) {
+      this.check();   // the server may be another one than was asked before
       return;
     }
-    if (message.saved && kept) return;
     this.opened = true;
     if (message.saved) this.saved = message.text;
     this.put(message.text);
@@ -76,22 +99,20 @@ export class Editor {
       if (focused === document.body) area.blur();
       else if (focused !== area) focused.focus({ preventScroll: true });
     }
-    this.number();
+    this.numberLines();
     this.mark();
   }
   // The file on the disk is another one than was read here.
   differs(text) {
-    this.sent = null;
-    this.buttons();
+    this.written("");
     const done = click => () => { click(); this.places.conflict.hidden = true; };
     const button = (label, click) => element("button", { type: "button", click: done(click) }, label);
     this.places.conflict.replaceChildren("The file was changed outside of this window. ",
       button("take the file's text", () => { this.saved = text; this.put(text); this.check(); }), " ",
       button("keep this text and overwrite the file", () => this.store("save", text)));
     this.places.conflict.hidden = false;
-    this.say("");
   }
-  number(bad = new Map()) {
+  numberLines(bad = new Map()) {
     const line = number => element("span", bad.has(number) ? { class: bad.get(number) } : {}, `${number}\n`);
     const count = this.text.split("\n").length;
     this.places.lines.replaceChildren(...Array.from({ length: count }, (_, index) => line(index + 1)));
@@ -122,32 +143,32 @@ export class Editor {
     this.places.state.classList.toggle("changed", this.changed);
     this.places.download.hidden = this.text !== this.made;   // a HEX file of another text is not this one's
   }
-  buttons() { this.places.build.disabled = this.places.save.disabled = !this.good || this.sent !== null; }
+  // What is being written may be stopped as soon as it takes long.
+  buttons() {
+    this.places.save.disabled = !this.good || this.sent !== null;
+    this.places.build.disabled = this.sent === null ? !this.good : !this.stoppable;
+    write(this.places.build, this.stoppable ? "stop" : "build");
+  }
   stored(text) {
     this.saved = text;
     this.mark();
   }
   checked(message) {
-    if (message.saved) { this.stored(this.sent); this.sent = null; this.say(""); }
-    else if (message.failed) { this.sent = null; this.say(""); }
-    else if (!this.planned()) return;
+    const writes = message.saved || message.failed, about = writes ? this.sent : this.asked.text;
+    if (message.saved) this.stored(this.sent);
+    if (writes) this.written("");
+    else if (message.number !== this.asked.number) return;
+    else this.planning.end();
+    if (about !== this.text) return;   // what was typed since is asked for
     const placed = message.diagnostics.filter(each => each.line);
     const bad = new Map(placed.map(each => [each.line, each.severity]));
-    this.number(bad);
+    this.numberLines(bad);
     this.mark();
     this.places.problems.replaceChildren(...message.diagnostics.map(each => this.problem(each)));
     this.good = message.good;
     this.buttons();
     if (message.good) this.posed(message);
     else this.plan("");
-  }
-  // The answer to the last question has come; return whether it is about the text as it is now.
-  planned() {
-    const asked = this.checking, again = this.again;
-    clearTimeout(this.late);
-    this.checking = this.again = null;
-    if (again) this.check();
-    return asked === this.text || !again;
   }
   problem(each) {
     const place = `${each.line ? `line ${each.line}: ` : ""}${each.key ? `${each.key}: ` : ""}`;
@@ -172,10 +193,8 @@ export class Editor {
   built(message) {
     this.made = this.sent;
     this.stored(this.sent);
-    this.sent = null;
-    this.buttons();
     const { exact, frames, words, distance, reasons, hex_name: name } = message;
-    this.say(exact ? `built: exact over ${frames} frames, ${words} words; ${distance}`
+    this.written(exact ? `built: exact over ${frames} frames, ${words} words; ${distance}`
       : `built, but NOT exact: ${reasons.join("; ")}`);
     this.places.progress.dataset.exact = exact;
     const href = URL.createObjectURL(new Blob([message.hex], { type: "text/plain" }));
@@ -183,10 +202,9 @@ export class Editor {
     this.mark();
     this.plan("");
   }
-  // The server has gone: what was asked of it is not answered.
+  // What was asked for is not answered: the server has gone, or has failed.
   lost() {
-    clearTimeout(this.late);
-    this.checking = this.again = this.sent = null;
-    this.buttons();
+    this.planning.end();
+    if (this.sent !== null) this.written("");
   }
 }

@@ -187,6 +187,39 @@ def test_a_file_that_was_changed_outside_is_not_overwritten(watch: Open, tmp_pat
     assert "arm_deg = 140" in job.read_text() and "another" in job.read_text()
 
 
+def test_what_asks_for_a_click_stays_where_it_is_when_the_plan_comes(watch: Open, tmp_path: Path) -> None:  # noqa: F811
+    """The plan of a text comes whenever it is ready: it moves no button from under the pointer."""
+    job = copy(LAB8, tmp_path)
+    page = watch(job)
+    job.write_text(LAB8.read_text() + "# by another editor\n")
+    place = (
+        "(b => [b.x, b.y])(document.querySelector('#job-conflict button:last-child').getBoundingClientRect())"
+    )
+    page.run(
+        "(check => { watched.editor.check = () => { watched.held = check; }; })"
+        "(watched.editor.check.bind(watched.editor))"
+    )
+    typed(page, "arm_deg = 120", "arm_deg = 140")
+    page.click("#save")
+    page.until("!document.getElementById('job-conflict').hidden")
+    before = page.run(place)
+    page.until("!!watched.held")
+    page.run("watched.held()")
+    page.until("document.getElementById('preview').textContent.includes('ghost')")
+    assert page.run(place) == before
+    page.click("#job-conflict button:last-child")
+    page.until("document.getElementById('job-state').textContent === 'saved'")
+
+
+def test_a_plan_that_takes_long_is_left_for_a_newer_text(watch: Open, tmp_path: Path) -> None:  # noqa: F811
+    """Planning 4000 steps of twelve servos takes minutes; the text is changed before that."""
+    page = watch(copy(TRIPOD, tmp_path))
+    typed(page, "cycles = 4 }", "cycles = 4000 }")
+    page.until("document.getElementById('preview').textContent.startsWith('planning (')")
+    typed(page, "cycles = 4000 }", "cycles = 5 }")
+    page.until("document.getElementById('preview').textContent.includes('ghost')")
+
+
 def test_undo_takes_back_what_the_timeline_did(watch: Open, tmp_path: Path) -> None:  # noqa: F811
     page = watch(copy(LAB8, tmp_path))
     before = page.run("document.getElementById('job-text').value")

@@ -413,11 +413,10 @@ def test_a_job_that_was_built_is_shown_in_every_window_and_a_defect_is_said() ->
         built = Subject(Path("x.hex"), Clock(4_000_000), image=Image({0: 0x2800}))
         answers: list[Any] = [ZeroDivisionError("x"), ({"is": "checked"}, None), ({"is": "built"}, built)]
 
-        def handle(message: Any, progress: Callable[[str], None]) -> Any:
+        def handle(message: Any, stop: Any) -> Any:
             answer = answers.pop(0)
             if isinstance(answer, Exception):
                 raise answer
-            progress("compiling")
             return answer
 
         mine, other = Socket(), Socket()
@@ -426,16 +425,14 @@ def test_a_job_that_was_built_is_shown_in_every_window_and_a_defect_is_said() ->
         editor: Any = SimpleNamespace(handle=handle, opened=lambda: opened)
         room = room_of(windows, editor=editor)
         for _ in range(3):
-            await room._edit(windows["a"], {})
-            await asyncio.sleep(0.001)
+            await room._edit(windows["a"], {"do": "build", "number": 7})
             await sent(room)
         kinds = [message["is"] for message in mine.sent]
         defect = "a defect of servogen: ZeroDivisionError('x')"
-        assert mine.sent[0] == {"is": "problem", "text": defect, "about": None}
-        # What a thread reports and its answer may come in any order.
-        assert sorted(kinds[1:3]) == ["building", "checked"] and sorted(kinds[3:5]) == ["building", "built"]
-        assert {"is": "building", "text": "compiling"} in mine.sent
-        assert kinds[5:] == [message["is"] for message in other.sent[1:]] == ["status", "model", "now"]
+        assert mine.sent[0] == {"is": "problem", "text": defect, "about": "build", "number": 7}
+        shown = ["status", "model", "now"]
+        assert kinds[1:6] == ["checked", "built", *shown]
+        assert [message["is"] for message in other.sent[1:4]] == shown
         assert other.sent[0] == opened
         room = room_of(windows)
         await room._edit(windows["b"], {"do": "save"})
@@ -468,7 +465,7 @@ def test_a_stop_does_not_wait_for_a_build() -> None:
     """While the editor works, the pins are held and the chip is shown; its answer comes later."""
     gate = threading.Event()
 
-    def handle(message: Any, progress: Any) -> Any:
+    def handle(message: Any, stop: Any) -> Any:
         assert gate.wait(60)
         return {"is": "checked", "diagnostics": [], "good": False}, None
 
@@ -486,6 +483,35 @@ def test_a_stop_does_not_wait_for_a_build() -> None:
             assert messages(socket, "checked")
     finally:
         gate.set()
+        served.stop()
+
+
+def test_a_newer_text_ends_the_plan_of_the_older_one_and_a_build_can_be_stopped() -> None:
+    """The plan of a text that takes forever is not waited for; only the newest text is answered."""
+
+    def handle(message: Any, stop: threading.Event) -> Any:
+        if "forever" in message["text"]:
+            assert stop.wait(60)
+            return {"is": "stopped", "saved": True}, None
+        return {"is": "checked", "diagnostics": [], "good": True}, None
+
+    editor: Any = SimpleNamespace(
+        handle=handle, opened=lambda: {"is": "editor", "name": "x", "text": "", "saved": True}
+    )
+    served = Running(hex_subject, editor)
+    try:
+        with served.socket() as socket:
+            opened(socket)
+            for number, text in enumerate(("forever", "forever and ever", "short")):
+                socket.send(json.dumps({"do": "check", "text": text, "number": number}))
+            seen = messages(socket, "checked")
+            assert seen[-1]["number"] == 2 and not [each for each in seen if each["is"] == "stopped"]
+            socket.send(json.dumps({"do": "build", "text": "forever", "over": ""}))
+            socket.send(json.dumps({"do": "check", "text": "short", "number": 3}))
+            assert messages(socket, "checked")[-1]["number"] == 3, "no check waits for a build"
+            socket.send(json.dumps({"do": "stop"}))
+            assert messages(socket, "stopped")[-1]["saved"]
+    finally:
         served.stop()
 
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 from itertools import count
 from math import ceil
 from pathlib import Path
+from threading import Event, Timer
 from types import SimpleNamespace
 from typing import Any
 
@@ -551,31 +552,47 @@ def test_an_editor_writes_its_own_file_only_when_it_is_right(tmp_path: Path) -> 
     editor = Editor(file, Setting())
     bad = text.replace("arm_deg = 30", "arm_deg = 400")
     for request in ("check", "save", "build"):
-        found, subject = editor.handle({"do": request, "text": bad}, print)
+        found, subject = editor.handle({"do": request, "text": bad}, Event())
         assert not found["good"] and subject is None
         assert "400" in found["diagnostics"][0]["message"]
     assert file.read_text() == text
     good = text.replace("arm_deg = 30", "arm_deg = 40")
     found, _ = editor.handle(
-        {"do": "save", "text": good, "over": text, "path": str(tmp_path / "other.toml")}, print
+        {"do": "save", "text": good, "over": text, "path": str(tmp_path / "other.toml")}, Event()
     )
     assert found["saved"] and file.read_text() == good
     assert [each.name for each in tmp_path.iterdir()] == ["job.toml"]
 
 
+def test_a_text_that_means_hours_of_motion_is_planned_no_further_than_wanted(tmp_path: Path) -> None:
+    """A walk of 4000 steps takes minutes to plan; and nothing is written before it is planned."""
+    file = tmp_path / "job.toml"
+    text = (ROOT / "jobs" / "hexapod-tripod.toml").read_text()
+    file.write_text(text)
+    long = text.replace("cycles = 4 }", "cycles = 4000 }")
+    for request in ("check", "build"):
+        stop = Event()
+        Timer(0.3, stop.set).start()
+        begin = time.monotonic()
+        found, subject = Editor(file, Setting()).handle({"do": request, "text": long, "over": text}, stop)
+        assert (found, subject) == ({"is": "stopped", "saved": False}, None)
+        assert time.monotonic() - begin < 5
+    assert file.read_text() == text
+
+
 def test_a_pose_is_recorded_into_a_job_without_a_motion_and_refused_for_a_walk(tmp_path: Path) -> None:
     stream = (ROOT / "jobs" / "stream-arm.toml").read_text()
     editor = Editor(tmp_path / "job.toml", Setting())
-    found, _ = editor.handle({"do": "record", "text": stream, "angles": [0.5, 9.0, 1.0]}, print)
+    found, _ = editor.handle({"do": "record", "text": stream, "angles": [0.5, 9.0, 1.0]}, Event())
     assert found["text"].startswith(stream.rstrip())
     assert found["text"].endswith(
         "[motion]\nposes = [\n    { base_deg = 28.6, shoulder_deg = 160, grip_deg = 57.3, hold_s = 1 },\n]\n"
     )  # the shoulder's limit is 160°
     walk = (ROOT / "jobs" / "hexapod-tripod.toml").read_text()
-    found, _ = editor.handle({"do": "record", "text": walk, "angles": [1.5] * 12}, print)
+    found, _ = editor.handle({"do": "record", "text": walk, "angles": [1.5] * 12}, Event())
     assert "does not move by poses" in found["diagnostics"][0]["message"]
     for angles in ([1.0], [float("nan")] * 3, ["x"] * 3):
-        found, _ = editor.handle({"do": "record", "text": stream, "angles": angles}, print)
+        found, _ = editor.handle({"do": "record", "text": stream, "angles": angles}, Event())
         assert found["is"] == "problem"
 
 
@@ -672,7 +689,6 @@ def test_an_editor_opens_its_file_or_says_why_not(tmp_path: Path) -> None:
 def test_what_was_built_is_answered_and_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of several programs the words and the HEX are those of the first, the reasons those of all."""
     text = (ROOT / "jobs" / "lab8-exercise.toml").read_text()
-    asked: list[Any] = []
     words = [Image({0: 0x3FFF}), Image({0: 1})]
     programs = [
         SimpleNamespace(
@@ -688,14 +704,10 @@ def test_what_was_built_is_answered_and_shown(tmp_path: Path, monkeypatch: pytes
         warnings=[SimpleNamespace(sentence="a warning")],
     )  # fmt: skip
 
-    def build(job: Any, progress: Any) -> Any:
-        asked.append(progress)
-        return result
-
-    monkeypatch.setattr(editing, "build", build)
-    monkeypatch.setattr(editing, "job_subject", lambda *given: given)
+    monkeypatch.setattr(editing, "build", lambda job: result)
+    monkeypatch.setattr(editing, "job_subject", lambda path, job, setting: (path, job.name, setting))
     file, setting = tmp_path / "job.toml", Setting(clock_hz=1)
-    found, subject = Editor(file, setting).handle({"do": "build", "text": text}, print)
+    found, subject = Editor(file, setting).handle({"do": "build", "text": text}, Event())
     assert found == {
         "is": "built",
         "distance": plan_text(PlanError(0.25)),
@@ -707,13 +719,12 @@ def test_what_was_built_is_answered_and_shown(tmp_path: Path, monkeypatch: pytes
         "hex": to_hex(words[0]),
         "hex_name": "arm.hex",
     }
-    given: Any = subject
-    assert (given[0], given[2], given[3]) == (file, setting, print) and asked == [print]
+    assert subject == (file, "job", setting)
     assert file.read_text() == text, "it is saved before it is built"
 
 
 def changed(editor: Editor, text: str, **change: Any) -> dict[str, Any]:
-    found, subject = editor.handle({"do": "pose", "text": text, **change}, print)
+    found, subject = editor.handle({"do": "pose", "text": text, **change}, Event())
     assert subject is None
     return dict(found)
 
@@ -721,7 +732,7 @@ def changed(editor: Editor, text: str, **change: Any) -> dict[str, Any]:
 def test_poses_are_changed_in_their_text_and_nothing_else(tmp_path: Path) -> None:
     text = (ROOT / "jobs" / "lab8-exercise.toml").read_text()
     editor = Editor(tmp_path / "job.toml", Setting())
-    checked, _ = editor.handle({"do": "check", "text": text}, print)
+    checked, _ = editor.handle({"do": "check", "text": text}, Event())
     assert [each["hold_s"] for each in checked["poses"]] == [2, 5, 3]
     assert [np.degrees(each["angles"][0]) for each in checked["poses"]] == pytest.approx([30, 90, 120])
     first, second, third = (line for line in text.splitlines(keepends=True) if line.startswith("    {"))
@@ -774,9 +785,9 @@ def test_poses_of_another_form_are_not_changed(tmp_path: Path) -> None:
     tables = text[:begin] + "[[motion.poses]]\narm_deg = 30\nhold_s = 2\n\n" + text[end:]
     for found in (
         changed(Editor(tmp_path / "job.toml", Setting()), tables, kind="remove", index=0),
-        Editor(tmp_path / "x.toml", Setting()).handle({"do": "record", "text": tables, "angles": [1]}, print)[
-            0
-        ],
+        Editor(tmp_path / "x.toml", Setting()).handle(
+            {"do": "record", "text": tables, "angles": [1]}, Event()
+        )[0],
     ):
         assert "written as poses = [" in found["diagnostics"][0]["message"]
         assert found["diagnostics"][0]["line"] == text[:begin].count("\n") - 1

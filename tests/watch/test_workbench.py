@@ -7,6 +7,7 @@ import math
 import shutil
 import subprocess
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ pytest.importorskip("websockets", reason="the extra 'watch' is not installed")
 from servogen.edges import PINS, edge_chunk
 from servogen.simulator import Serial
 from servogen.units import Clock
+from servogen.watch.editing import Editor
 from servogen.watch.serial_listener import SerialListener
 from servogen.watch.subject import Setting, load_subject
 from tests.watch.browser import Browser, Page
@@ -282,29 +284,47 @@ def test_a_time_is_typed_and_a_wrong_one_is_answered(watch: Open, tmp_path: Path
     page.until("document.getElementById('said').textContent.startsWith(\"'soon' is not a time\")")
 
 
-def test_a_server_that_has_ended_is_unmistakable_and_found_again_at_the_same_place(browser: Browser) -> None:
-    program = ROOT / "firmware" / "lab8-exercise" / "main.hex"
-    served = Running(lambda progress: load_subject(program, Setting()))
+def test_a_server_that_has_ended_is_unmistakable_and_found_again_at_the_same_place(
+    browser: Browser, tmp_path: Path
+) -> None:
+    """The moment, the breakpoints, the tabs, the waves and what was typed are as they were."""
+    job = copy(ROOT / "jobs" / "lab8-exercise.toml", tmp_path)
+
+    def served(port: int = 0, token: str = "") -> Running:
+        load = partial(load_subject, job, Setting())
+        return Running(load, Editor(job, Setting()), port=port, token=token)
+
+    first = served()
     page = browser.page()
-    page.open(served.server.url)
+    page.open(first.server.url)
     page.until("watched.latest && watched.waves && watched.waves.data")
+    typed(page, "arm_deg = 120", "arm_deg = 140")
+    for tab in ("#tab-source", "#tab-memory"):
+        page.click(tab)
+    page.run("document.getElementById('breakpoint').value = 'RB0 rise'")
+    page.run("document.getElementById('breakpoint-form').requestSubmit()")
+    page.until("document.querySelectorAll('#breakpoints li').length === 1")
     go(page, 777_000)
+    page.run("watched.waves.show(700_000, 800_000)")
     here = page.run("watched.latest.cycle")
-    served.stop()
+    first.stop()
     page.until("document.body.classList.contains('gone')")
     said = text(page, "#link")
-    assert (
-        said.startswith("The server does not answer.")
-        and f"servogen watch main.hex --at-cycle {here}" in said
-    )
+    assert said.startswith("The server does not answer.")
+    assert f"servogen watch lab8-exercise.toml --at-cycle {here}" in said
     assert not page.run("document.getElementById('link').hidden")
     assert page.run("document.getElementById('views').inert && document.getElementById('time').inert")
-    again = Running(
-        lambda progress: load_subject(program, Setting()), port=served.server.port, token=served.token
-    )
+    again = served(first.server.port, first.token)
     try:
-        page.until(f"!document.body.classList.contains('gone') && watched.latest.cycle === {here}")
+        back = f"!document.body.classList.contains('gone') && watched.latest.cycle === {here}"
+        page.until(f"{back} && watched.latest.breakpoints.join() === 'RB0 rise'")
         assert page.run("document.getElementById('link').hidden && !document.getElementById('views').inert")
+        chosen = "[...document.querySelectorAll('[role=tab][aria-selected=true]')].map(tab => tab.id)"
+        assert page.run(chosen) == ["tab-source", "tab-memory"]
+        assert page.run("[watched.waves.begin, watched.waves.end]") == [700_000, 800_000]
+        assert "arm_deg = 140" in page.run("document.getElementById('job-text').value")
+        assert text(page, "#job-state") == "changed"
+        page.until("document.getElementById('preview').textContent.includes('ghost')")
         page.close()
     finally:
         again.stop()
