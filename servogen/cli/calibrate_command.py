@@ -19,7 +19,7 @@ from servogen.cli.drive_line import (
     RangeUs,
 )
 from servogen.cli.options import JobFile, Json
-from servogen.cli.show import as_json, table, warn
+from servogen.cli.show import as_json, next_step, table, warn
 from servogen.drive.commands import (
     QUIT,
     LineCommands,
@@ -223,3 +223,4 @@ def _show_calibration(
         return
     beside = target.resolve().parent == job.resolve().parent
     print(f'add to the servo in the job: calibration = "{target.name if beside else target.resolve()}"')
+    print(next_step("check", job))

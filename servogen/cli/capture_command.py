@@ -10,7 +10,7 @@ import typer
 
 from servogen.cli.files import read_schedule_of
 from servogen.cli.options import Json
-from servogen.cli.show import as_json, progress, status, warn
+from servogen.cli.show import as_json, next_step, progress, status, warn
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.units import counted
 from servogen.workflows.capture import Captured, CaptureSettings, capture_by_sigrok
@@ -138,5 +138,4 @@ def _show_capture(recorded: Captured, output: Path, against: Path | None, json: 
 
 
 def _suggest_verify(output: Path, against: Path | None) -> None:
-    if against is not None:
-        print(f"next: servogen verify {output} --against {against}")
+    print(next_step("verify", output, "--against", against) if against else next_step("measure", output))

@@ -10,9 +10,10 @@ from typing import Annotated
 import typer
 
 from servogen.cli.options import CLOCK_HZ, Animate, Csv, Json, Plot, table_option, usual
-from servogen.cli.show import as_json, status, table, warn_of_all
+from servogen.cli.show import as_json, next_step, status, table, warn_of_all
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.job.schema import MAX_MM, SegmentTable, WalkTable
+from servogen.job.starter import KINDS
 from servogen.kinematics.catalogue import robot
 from servogen.kinematics.protocol import Posture, WalkingRobot
 from servogen.motion.gait.phases import Gait, custom
@@ -251,6 +252,8 @@ def gait(
         as_json(walk_to_json(walker, rhythm, planned_walk, facts, loads), warnings)
     else:
         _show_walk(walker, rhythm, planned_walk, facts)
+        if files.csv or files.picture or files.animate:
+            print(next_step("new", "--robot", robot) if robot in KINDS else next_step("robots", robot))
         warn_of_all(warnings)
 
 

@@ -233,6 +233,8 @@ def grade(
             print(f"the same machine code: {', '.join(group)}")
         if pages and not browsing.watch:
             print(f"next: open {pages / 'index.html'}, or grade again with --watch")
+        elif any(outputs.paths) and not browsing.watch:
+            print("next: grade again with --pages FOLDER, a page for each student, or with --watch")
     if browsing.watch:
         _serve(task, names, graded, browsing)
     if failure:

@@ -17,7 +17,7 @@ from servogen.cli.options import (
     Json,
     Plot,
 )
-from servogen.cli.show import as_json, status, table, warn_of_all
+from servogen.cli.show import as_json, next_step, status, table, warn_of_all
 from servogen.cli.widths import width_table
 from servogen.errors import InputError, Location, ServogenError
 from servogen.job import KINDS, Job, PlannedJob, load, plan_job, starter, usual_servo
@@ -119,6 +119,8 @@ def plan(
         as_json({**facts.to_json(), "horns": horns}, (*loaded.warnings, *pulses.warnings, *loaded.notes))
     else:
         _show_plan(facts, horns_of(asked))
+        if csv or picture or animate:
+            print(next_step("build", job))
 
 
 def _planned_with_horns(loaded: Job, file: Path, fit: bool) -> PlannedJob:

@@ -10,9 +10,10 @@ from typing import Annotated
 import typer
 
 from servogen.cli.options import CLOCK_HZ, Json, table_option, usual
-from servogen.cli.show import as_json, table, warn_of_all
+from servogen.cli.show import as_json, next_step, table, warn_of_all
 from servogen.job.schema import ProgramTable
 from servogen.kinematics.catalogue import arm
+from servogen.kinematics.queries import positions_of
 from servogen.movemaster import Budget, ProgramRun, input_of, manipulator, read, run
 from servogen.outputs import write_text
 from servogen.report.motion_table import joint_lines
@@ -68,7 +69,9 @@ def run_program(
     if output:
         write_text(output, "".join(f"{line}\n" for line in joint_lines(program_run.trajectory, chosen)))
     if json:
-        as_json({"robot": program.robot, **program_run.to_json()}, program_run.warnings)
+        final = positions_of(chosen, program_run.trajectory.angles[-1])
+        answer = {"robot": program.robot, **program_run.to_json(), "final_joints": final}
+        as_json(answer, program_run.warnings)
         return
     _show_run(program_run)
     frames, loop = (
@@ -76,6 +79,8 @@ def run_program(
         len(program_run.trajectory.angles) - program_run.trajectory.loop_start,
     )
     print(f"{file}: {frames} frames, {program_run.seconds(frames):g} s; the last {loop} of them repeat")
+    if output:
+        print(next_step("new", "--robot", "arm"))
     warn_of_all(program_run.warnings)
 
 

@@ -19,6 +19,7 @@ from servogen.cli.show import as_json, next_step, status, table
 from servogen.errors import InputError
 from servogen.kinematics import queries
 from servogen.kinematics.catalogue import arm, robot
+from servogen.kinematics.protocol import WalkingRobot
 from servogen.kinematics.urdf import to_urdf
 from servogen.outputs import write_text
 from servogen.report.scheme import scheme_plot
@@ -148,6 +149,7 @@ def _write_mjcf(name: str | None, path: Path) -> None:
     for text in model.assumptions:
         print(f"assumed: {text}")
     print(path)
+    print(next_step("fk" if not isinstance(robot(name), WalkingRobot) else "gait", name))
 
 
 def fk(
@@ -196,13 +198,13 @@ def fk(
 
 def _print_body_speed(answer: dict[str, Any]) -> None:
     vx, vy = (1000 * answer[key] for key in ("vx_m_s", "vy_m_s"))
-    print(f"vx {vx:z.4f} mm/s  vy {vy:z.4f} mm/s  Ω {degrees(answer['turn_rad_s']):z.4f} °/s")
-    direction, radius = answer["direction_rad"], answer["radius_m"]
+    print(f"vx {vx:z.4f} mm/s  vy {vy:z.4f} mm/s  Ω {answer['turn_deg_s']:z.4f} °/s")
+    direction, radius = answer["direction_deg"], answer["radius_m"]
     if direction is None:
         print("it stands" if radius is None else "it turns on the spot")
     else:
         path = "straight" if radius is None else f"on a circle of radius {1000 * radius:z.4f} mm"
-        print(f"{1000 * answer['speed_m_s']:z.4f} mm/s towards {degrees(direction) % 360:z.4f}°, {path}")
+        print(f"{1000 * answer['speed_m_s']:z.4f} mm/s towards {direction % 360:z.4f}°, {path}")
 
 
 def ik(
@@ -233,12 +235,11 @@ def ik(
     if json:
         as_json(answer)
         return
-    if "wheel_speeds_rad_s" in answer:
+    if "wheel_speeds_deg_s" in answer:
         _print_wheel_speeds(answer)
         return
-    chosen = arm(name)
     for solution in answer["solutions"]:
-        print(queries.joint_text(chosen, solution))
+        print(queries.joint_text(solution))
     if answer["missed_m"] > SHOWN_M:
         print(f"for the nearest reachable point, {1000 * answer['missed_m']:.6f} mm away")
     hidden = answer["found"] - len(answer["solutions"])
@@ -253,7 +254,7 @@ def ik(
 
 def _print_wheel_speeds(answer: dict[str, Any]) -> None:
     columns = {
-        "°/s": [f"{degrees(speed):z.4f}" for speed in answer["wheel_speeds_rad_s"]],
+        "°/s": [f"{speed:z.4f}" for speed in answer["wheel_speeds_deg_s"]],
         "rim mm/s": [f"{1000 * speed:z.4f}" for speed in answer.get("rim_speeds_m_s", ())],
         "motor turns/s": [f"{turns:z.4f}" for turns in answer.get("motor_turns_per_s", ())],
         "encoder counts/s": [f"{counts:z.1f}" for counts in answer.get("encoder_counts_per_s", ())],
@@ -298,7 +299,7 @@ def jacobian(
         return
     if "velocity_m_s" in answer:
         print(f"v {_numbers([1000 * component for component in answer['velocity_m_s']])} mm/s")
-        print(f"ω {_numbers([degrees(component) for component in answer['angular_velocity_rad_s']])} °/s")
+        print(f"ω {_numbers(answer['angular_velocity_deg_s'])} °/s")
     print(f"manipulability {answer['manipulability']:.6g}, rank {answer['rank']}")
     if answer["singular"]:
         print("singular: the tool cannot move along")
@@ -429,13 +430,13 @@ def orientation(
     rows = [
         (
             order.lower() + (" (rpy)" if order == "ZYX" else ""),
-            *map(_degrees, (one, answer["second_rad"][order])),
+            *map(_degrees, (one, answer["second_deg"][order])),
         )
-        for order, one in answer["angles_rad"].items()
+        for order, one in answer["angles_deg"].items()
     ]
     table("Angles, degrees", ("order", "angles", "second solution"), rows)
     print("axis        " + "  ".join(f"{value:z.6f}" for value in answer["axis"]))
-    print(f"angle       {degrees(answer['angle_rad']):z.4f}°")
+    print(f"angle       {answer['angle_deg']:z.4f}°")
     print("quaternion  " + "  ".join(f"{value:z.6f}" for value in answer["quaternion"]))
     _print_matrix(answer["matrix"])
 
@@ -477,7 +478,7 @@ def _print_beyond(answer: dict[str, Any]) -> None:
 
 
 def _degrees(angles: Sequence[float]) -> str:
-    return "  ".join(f"{degrees(angle):z9.4f}" for angle in angles)
+    return "  ".join(f"{angle:z9.4f}" for angle in angles)
 
 
 def _print_matrix(rows: Sequence[Sequence[float]]) -> None:
@@ -514,10 +515,10 @@ def _print_details(details: dict[str, Any]) -> None:
         rows = [
             (
                 row["joint"] or "fixed",
-                f"{degrees(row['theta_rad']):zg}°",
+                f"{row['theta_deg']:zg}°",
                 row["d"],
                 row["a"],
-                f"{degrees(row['alpha_rad']):zg}°",
+                f"{row['alpha_deg']:zg}°",
             )
             for row in arm["rows"]
         ]
@@ -527,7 +528,7 @@ def _print_details(details: dict[str, Any]) -> None:
             table("Lengths", ("name", "value"), lengths)
     if "mounts" in details:
         mounts = [
-            (mount["name"], _millimetres(mount["position_m"]), f"{degrees(mount['heading_rad']):zg}°")
+            (mount["name"], _millimetres(mount["position_m"]), f"{mount['heading_deg']:zg}°")
             for mount in details["mounts"]
         ]
         table("Mounts", ("leg", "position", "heading"), mounts)
@@ -547,4 +548,4 @@ def _print_details(details: dict[str, Any]) -> None:
 
 def _joint_value(joint: dict[str, Any], key: str) -> str:
     turning = joint["kind"] == "turning"
-    return f"{degrees(joint[f'{key}_rad']):zg}°" if turning else f"{1000 * joint[f'{key}_m']:zg} mm"
+    return f"{joint[f'{key}_deg']:zg}°" if turning else f"{1000 * joint[f'{key}_m']:zg} mm"

@@ -11,7 +11,7 @@ import typer
 
 from servogen.checker import Checked
 from servogen.cli.files import keep_apart, read_program
-from servogen.cli.show import as_json, status
+from servogen.cli.show import as_json, next_step, status
 from servogen.engines.stream.engine import stream
 from servogen.engines.stream.streaming import Streaming
 from servogen.errors import InputError, Location
@@ -189,6 +189,8 @@ def prove_schedule(
         as_json(answer if line is None else answer | _line_to_json(line, proof, file, claim, schedule))
     elif line is None:
         print("\n".join(_lines(proof, witness, file, claim, schedule)))
+        if witness is not None and claim.certificate is not None:
+            print(next_step("check-certificate", claim.certificate, file, "--against", against))
     else:
         print("\n".join(_line_lines(line, proof, file, claim, schedule)))
     if line is not None:

@@ -32,3 +32,4 @@ def schema(
         print(text, end="")
     else:
         write_text(output, text)
+        print(f'{output}: the schema; next: "#:schema {output}" as the first line of a file, in an editor')

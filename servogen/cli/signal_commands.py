@@ -352,3 +352,4 @@ def plot(
     with status("drawing"):
         pulse_plot(trace, span, output, title, schedule)
     print(f"{output}: pulses of {file}")
+    print(next_step("verify", file, "--against", against) if against else next_step("measure", file))

@@ -99,6 +99,10 @@ def simulate(
             _print_profile(spent)
         if paths:
             print(next_step("measure", paths[0]))
+        elif files.eeprom:
+            print(next_step("simulate", files.eeprom))
+        elif files.trace:
+            print(next_step("watch", file))
     warn_of_all(state.warnings)
 
 

@@ -11,7 +11,7 @@ import typer
 
 from servogen.cli.files import keep_apart
 from servogen.cli.options import Json, StimulusFile
-from servogen.cli.show import as_json, status, table, warn_of_all
+from servogen.cli.show import as_json, next_step, status, table, warn_of_all
 from servogen.job import load, plan_job
 from servogen.outputs import write_text
 from servogen.report.film import SUFFIXES as FILM_SUFFIXES
@@ -114,6 +114,8 @@ def twin(
         as_json({"job": loaded.name, **verdict.to_json()}, loaded.warnings)
     else:
         _show(verdict, str(job))
+        if files.csv or files.picture or files.film:
+            print(next_step("watch", job))
         warn_of_all(loaded.warnings)
     raise typer.Exit(0 if verdict.passed else 1)
 

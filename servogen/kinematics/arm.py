@@ -5,6 +5,8 @@ In: an `Arm`. Out: its facts as values that JSON can hold. Its file is read by `
 
 from __future__ import annotations
 
+from math import degrees
+
 from servogen.kinematics.mobility import of_arm
 from servogen.kinematics.orientation import orientation_names
 from servogen.kinematics.protocol import Answer, RobotKind
@@ -23,22 +25,22 @@ def arm_details(arm: Arm) -> Answer:
             {
                 "name": joint.name,
                 "kind": joint.kind,
-                f"lower_{unit}": joint.lower,
-                f"upper_{unit}": joint.upper,
-                f"home_{unit}": joint.home,
-                f"speed_{unit}_s": joint.speed,
+                f"lower_{unit}": joint.lower * scale,
+                f"upper_{unit}": joint.upper * scale,
+                f"home_{unit}": joint.home * scale,
+                f"speed_{unit}_s": None if joint.speed is None else joint.speed * scale,
             }
             for joint in arm.joints
-            for unit in ("rad" if joint.kind == "turning" else "m",)
+            for unit, scale in (("deg", degrees(1)) if joint.kind == "turning" else ("m", 1.0),)
         ],
         "rows": [
             {
                 "joint": None if row.joint is None else arm.joints[row.joint].name,
                 "ratio": row.ratio,
-                "theta_rad": row.theta,
+                "theta_deg": degrees(row.theta),
                 "d": length_text(row.d),
                 "a": length_text(row.a),
-                "alpha_rad": row.alpha,
+                "alpha_deg": degrees(row.alpha),
             }
             for row in arm.rows
         ],
@@ -48,7 +50,10 @@ def arm_details(arm: Arm) -> Answer:
 
 
 def _frame(frame: FixedFrame) -> Answer:
-    return {"position_m": [frame.x, frame.y, frame.z], "rz_ry_rx_rad": [frame.rz, frame.ry, frame.rx]}
+    return {
+        "position_m": [frame.x, frame.y, frame.z],
+        "rz_ry_rx_deg": [degrees(angle) for angle in (frame.rz, frame.ry, frame.rx)],
+    }
 
 
 def length_text(length: Length) -> str:

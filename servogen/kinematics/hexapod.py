@@ -246,7 +246,7 @@ def _details(robot: Hexapod) -> Answer:
         {
             "name": mount.name,
             "position_m": [mount.x, mount.y, mount.z],
-            "heading_rad": mount.heading,
+            "heading_deg": math.degrees(mount.heading),
             "mirrored": mount.mirrored,
         }
         for mount in robot.mounts

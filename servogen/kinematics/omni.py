@@ -445,7 +445,7 @@ def _details(base: OmniBase) -> Answer:
         "wheel_distance_m": base.wheel_distance,
         "gear": base.gear,
         "counts_per_turn": base.counts_per_turn,
-        "sensor_angles_rad": list(sensor_angles(base)),
+        "sensor_angles_deg": [math.degrees(angle) for angle in sensor_angles(base)],
         "table": [
             {
                 "wheels": [SIGN_NAMES[sign] for sign in row.signs],

@@ -1,11 +1,12 @@
 """The answers of the commands about robots and kinematics, for JSON.
 
-In: names and numbers as a user types them (degrees and millimetres). Out: dicts in metres and radians.
+In: names and numbers as a user types them (degrees and millimetres). Out: dicts whose keys end with the unit:
+metres and degrees; joint positions, each with its own unit, as they are typed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import atan2, degrees, hypot, radians
 from typing import Any
 
@@ -139,9 +140,9 @@ def _body_speed_answer(base: DrivingRobot, values: Sequence[float]) -> Answer:
     return {
         "vx_m_s": vx,
         "vy_m_s": vy,
-        "turn_rad_s": turn,
+        "turn_deg_s": degrees(turn),
         "speed_m_s": speed,
-        "direction_rad": None if standing else atan2(vy, vx),
+        "direction_deg": None if standing else degrees(atan2(vy, vx)),
         "radius_m": None if straight else speed / abs(turn),
     }
 
@@ -228,8 +229,7 @@ def _solutions_answer(
     arm: Arm, solutions: Floats, everything: bool, free: Sequence[str], missed: float, *, oriented: bool
 ) -> Answer:
     return {
-        "solutions": _plain(solutions if everything else solutions[:1]),
-        "joints": [joint.name for joint in arm.joints],
+        "solutions": [positions_of(arm, q) for q in (solutions if everything else solutions[:1])],
         "found": len(solutions),
         "free": list(free),
         "complete": not free and has_closed_form(arm, oriented),
@@ -249,7 +249,9 @@ def _wheel_speed_answer(base: DrivingRobot, values: Sequence[float]) -> Answer:
     vx, vy, turn = _finite(values)
     speeds = base.wheel_speeds((vx / 1000, vy / 1000, radians(turn)))
     of_kind = KINDS[base.kind].wheel_details(base, speeds)
-    return {"wheel_speeds_rad_s": _plain(speeds)} | {key: _plain(value) for key, value in of_kind.items()}
+    return {"wheel_speeds_deg_s": _plain(np.degrees(speeds))} | {
+        key: _plain(value) for key, value in of_kind.items()
+    }
 
 
 def configuration_answer(name: str, vector: Sequence[float], everything: bool = False) -> Answer:
@@ -357,7 +359,7 @@ ORIENTATION_FORMS = {
 
 
 def orientation_answer(form: str, values: Sequence[float]) -> Answer:
-    """Return an orientation in every form: angles in radians in all twelve orders, both solutions of the
+    """Return an orientation in every form: angles in degrees in all twelve orders, both solutions of the
     first two, axis and angle, the quaternion (scalar first), the matrix.
 
     `values` are degrees for angles, plain numbers otherwise. A matrix is given row by row.
@@ -379,10 +381,12 @@ def orientation_answer(form: str, values: Sequence[float]) -> Answer:
     rotation = _rotation_of(name, _finite(values))
     axis, angle = to_axis_angle(rotation)
     return {
-        "angles_rad": {order: _plain(to_angles(rotation, order)) for order in ORDERS},
-        "second_rad": {order: _plain(to_angles(rotation, order, second=True)) for order in ORDERS},
+        "angles_deg": {order: _plain(np.degrees(to_angles(rotation, order))) for order in ORDERS},
+        "second_deg": {
+            order: _plain(np.degrees(to_angles(rotation, order, second=True))) for order in ORDERS
+        },
         "axis": _plain(axis),
-        "angle_rad": float(angle),
+        "angle_deg": degrees(angle),
         "quaternion": _plain(to_quaternion(rotation)),
         "matrix": _plain(rotation),
     }
@@ -427,7 +431,10 @@ def jacobian_answer(
     velocity = matrix @ joint_values(arm, rates) if len(rates) else None
     moved: Answer = {}
     if velocity is not None:
-        moved = {"velocity_m_s": _plain(velocity[:3]), "angular_velocity_rad_s": _plain(velocity[3:])}
+        moved = {
+            "velocity_m_s": _plain(velocity[:3]),
+            "angular_velocity_deg_s": _plain(np.degrees(velocity[3:])),
+        }
     return {
         "frame": frame,
         "jacobian": _plain(matrix),
@@ -530,12 +537,20 @@ def jacobian_symbolic(name: str, frame: FrameName = 0, style: str = "text") -> A
     return {"frame": frame, "jacobian": text_of(matrix, _style(style), "J")}
 
 
-def joint_text(arm: Arm, q: Sequence[float]) -> str:
-    """Return joint positions as text: the joints' names, degrees and millimetres."""
+def positions_of(arm: Arm, q: Floats) -> dict[str, float]:
+    """Return joint positions by name and unit, as `joint_values` takes them: `q1_deg`, `q3_mm`."""
+    return {
+        f"{joint.name}_{'deg' if joint.turning else 'mm'}": degrees(value) if joint.turning else 1000 * value
+        for joint, value in zip(arm.joints, _plain(q), strict=True)
+    }
+
+
+def joint_text(positions: Mapping[str, float]) -> str:
+    """Return joint positions with their units in their names as text: the joints, degrees and millimetres."""
     parts = []
-    for joint, value in zip(arm.joints, q, strict=True):
-        shown = round(degrees(value) if joint.turning else 1000 * value, 3)
-        parts.append(f"{joint.name} {shown:z.3f}" + ("°" if joint.turning else " mm"))
+    for key, value in positions.items():
+        name, _, unit = key.rpartition("_")
+        parts.append(f"{name} {round(value, 3):z.3f}" + ("°" if unit == "deg" else " mm"))
     return "  ".join(parts)
 
 

@@ -32,7 +32,7 @@ from servogen.kinematics.forward import fk, fk_position
 from servogen.kinematics.inverse.solve import ik, solutions_near
 from servogen.kinematics.inverse.unreachable import Unreachable, in_mm
 from servogen.kinematics.orientation import short_way
-from servogen.kinematics.queries import joint_text
+from servogen.kinematics.queries import joint_text, positions_of
 from servogen.kinematics.transforms import rot
 from servogen.motion.follow import Branch, ChangesBranch, LeavesReach, chord_errors, trace
 from servogen.motion.laws import Law, law
@@ -369,7 +369,7 @@ class Mover:
             return manipulator.solutions(poses, near)
 
         def shown(q: Floats) -> str:
-            return ", ".join(joint_text(manipulator.arm, q.tolist()).split("  "))
+            return ", ".join(joint_text(positions_of(manipulator.arm, q)).split("  "))
 
         line = StraightLine(_metres(start), _metres(start + path))
         try:

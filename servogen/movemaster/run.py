@@ -48,9 +48,8 @@ class ProgramRun:
         return float(self.trajectory.clock.seconds(frames * self.trajectory.period))
 
     def to_json(self) -> dict[str, object]:
-        """Return the motion in metres, radians and seconds, without the warnings."""
+        """Return the motion in metres, degrees and seconds, without its joints and the warnings."""
         return {
-            "joints": list(self.trajectory.joints),
             "period_s": self.seconds(1),
             "frames": len(self.trajectory.angles),
             "loop_start": self.trajectory.loop_start,
@@ -73,7 +72,6 @@ class ProgramRun:
                 str(number): position.pose.to_json() for number, position in self.positions.items()
             },
             "counters": {str(number): value for number, value in self.counters.items()},
-            "final_joints": self.trajectory.angles[-1].tolist(),
         }
 
 

@@ -237,10 +237,13 @@ def captured(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     return seen
 
 
+MEASURE = "next: servogen measure a.vcd"
+
+
 def test_a_capture_without_options_has_the_documented_defaults(run: Run, captured: dict[str, Any]) -> None:
     """docs/bench.md: a million samples a second, compressed, several captures joined."""
     ran = run("capture", "-o", "a.vcd", "-p", "x")
-    assert (ran.code, ran.out) == (0, "a.vcd: 1.5 s at 2000000 samples a second from Sniffer\n")
+    assert (ran.code, ran.out) == (0, f"a.vcd: 1.5 s at 2000000 samples a second from Sniffer\n{MEASURE}\n")
     assert captured["asked"] == (Path("a.vcd"), "x", None, None)
     looking = captured["looking"]
     assert (looking.rate, looking.rle, looking.memory) == (1_000_000, True, None)
@@ -263,7 +266,7 @@ def test_a_capture_as_json_is_alone(run: Run, captured: dict[str, Any], way: tup
     assert json.loads(shown.out) == {"diagnostics": [], "seconds": 1.5}
     assert captured["asked"] == (Path("a.vcd"), way[1], "schedule s.json", None)
     plain = run("capture", "-o", "a.vcd", "--sigrok", "fx2lafw", "--rate", 7).out
-    assert plain == "a.vcd: 1.5 s at 7 samples a second\n"
+    assert plain == f"a.vcd: 1.5 s at 7 samples a second\n{MEASURE}\n"
 
 
 @pytest.mark.parametrize(
@@ -282,7 +285,7 @@ def test_several_captures_say_how_much_one_holds(run: Run, captured: dict[str, A
     captured["recorded"].captures = 2
     ran = run("capture", "-o", "a.vcd", "-p", "x")
     stitched = "stitched from 2 captures, because one holds 1 frame; the time between two is not known"
-    assert ran.out.splitlines()[1:] == [stitched]
+    assert ran.out.splitlines()[1:] == [stitched, MEASURE]
 
 
 def test_a_capture_needs_an_analyser(run: Run, captured: dict[str, Any]) -> None:

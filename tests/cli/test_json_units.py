@@ -26,8 +26,6 @@ WITHOUT = {
     # directions and matrices, whose rows are numbers; translations in the unit that was typed
     *("rotation", "matrix", "axis", "quaternion", "jacobian", "lost_directions", "configuration_vector"),
     *("change", "delta", "frame", "translation", "point", "base", "tool"),
-    # radians, or metres where a joint slides
-    *("solutions", "final_joints"),
 }
 
 PROGRAM = ROOT / "firmware" / "lab8-exercise" / "main.hex"

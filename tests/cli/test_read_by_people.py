@@ -109,8 +109,8 @@ def test_jacobian_prints_which_directions_are_lost_where_some_are(run: Run) -> N
 def test_the_bodies_of_a_robot_are_written_with_what_is_assumed(run: Run, tmp_path: Path) -> None:
     written = run("robots", "hexapod", "--mjcf", tmp_path / "hexapod.xml")
     assert (written.code, written.err) == (0, "")
-    *assumed, last = written.out.splitlines()
-    assert last == str(tmp_path / "hexapod.xml")
+    *assumed, last, after = written.out.splitlines()
+    assert (last, after) == (str(tmp_path / "hexapod.xml"), "next: servogen gait hexapod")
     assert assumed and all(line.startswith("assumed: ") for line in assumed)
     assert "<mujoco" in (tmp_path / "hexapod.xml").read_text()
     for option in ("--mjcf", "--urdf"):
@@ -310,7 +310,8 @@ def test_a_capture_says_what_it_holds_and_what_comes_next(
     assert timed.err == ""  # no whole loop was asked for
     done.captures = 1
     alone = run("capture", "--output", target, "--port", "/dev/null").out.splitlines()
-    assert alone == [f"{target}: 1.5 s at 1000000 samples a second from Logic Sniffer"]
+    what = f"{target}: 1.5 s at 1000000 samples a second from Logic Sniffer"
+    assert alone == [what, f"next: servogen measure {target}"]
     sigrok = ("capture", "--output", target, "--sigrok", "fx2lafw", "--against", schedule)
     assert run(*sigrok).out.splitlines() == [f"{target}: 1.5 s at 1000000 samples a second", next_step]
 

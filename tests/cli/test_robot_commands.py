@@ -3,7 +3,6 @@
 import json
 import sys
 from collections.abc import Callable
-from math import radians
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,11 @@ def test_scara_forward_kinematics(run: Run) -> None:
 
 def test_scara_inverse_kinematics_lists_every_solution_in_radians_and_metres(run: Run) -> None:
     answer = json.loads(run("ik", "scara", 346.41016, 500, 250, "--all", "--json").out)
-    assert answer["solutions"][0][:3] == pytest.approx([radians(30), radians(60), 0.2], abs=1e-6)
+    assert [*answer["solutions"][0].items()][:3] == [
+        ("q1_deg", pytest.approx(30, abs=1e-4)),
+        ("q2_deg", pytest.approx(60, abs=1e-4)),
+        ("q3_mm", pytest.approx(200, abs=1e-3)),
+    ]
     assert len(answer["solutions"]) == 2
 
 
@@ -127,7 +130,7 @@ def test_new_answers_are_json_in_metres_and_radians(run: Run) -> None:
     answers = {
         "closed_loops": ("mobility", "--elements", 4, "--joint", "turning:4", "--plane"),
         "vx_m_s": ("fk", "omni", 100, -100, 0),
-        "wheel_speeds_rad_s": ("ik", "omni", 1000, 0, 0),
+        "wheel_speeds_deg_s": ("ik", "omni", 1000, 0, 0),
         "inverse": ("jacobian", "omni"),
         "joints": ("statics", "leg", 0, 30, "--force-n", 0, 0, -10),
         "change": ("differential", "Rx(90)", "--translation", 1, 0, 0),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from math import pi, radians
 from pathlib import Path
 from typing import Any
 
@@ -85,15 +84,15 @@ def test_fk_prints_the_feet_of_a_walking_robot(run: Run, answer: Answer) -> None
     [
         (None, None, 0.0, "it stands"),
         (None, 0.0, 0.0, "it turns on the spot"),
-        (radians(-90), None, 0.25, "250.0000 mm/s towards 270.0000°, straight"),
-        (radians(30), 0.125, 0.1, "100.0000 mm/s towards 30.0000°, on a circle of radius 125.0000 mm"),
+        (-90, None, 0.25, "250.0000 mm/s towards 270.0000°, straight"),
+        (30, 0.125, 0.1, "100.0000 mm/s towards 30.0000°, on a circle of radius 125.0000 mm"),
     ],
 )
 def test_fk_of_a_base_prints_its_speed_and_path(
     run: Run, answer: Answer, direction: float | None, radius: float | None, speed: float, line: str
 ) -> None:
-    value = {"vx_m_s": 0.1, "vy_m_s": -0.05, "turn_rad_s": pi / 4}
-    value |= {"direction_rad": direction, "radius_m": radius, "speed_m_s": speed}  # type: ignore[dict-item]
+    value = {"vx_m_s": 0.1, "vy_m_s": -0.05, "turn_deg_s": 45}
+    value |= {"direction_deg": direction, "radius_m": radius, "speed_m_s": speed}  # type: ignore[dict-item]
     answer("fk_answer", value)
     assert run("fk", "any").out.splitlines() == ["vx 100.0000 mm/s  vy -50.0000 mm/s  Ω 45.0000 °/s", line]
 
@@ -131,10 +130,16 @@ def test_fk_in_symbols_numbers_the_links_from_one(run: Run, answer: Answer) -> N
 def test_ik_prints_solutions_the_miss_and_how_many_are_hidden(
     run: Run, answer: Answer, values: dict[str, Any], lines: list[str]
 ) -> None:
-    plain = {"solutions": [[0.5, 0, 0, 0]], "missed_m": 0.0, "found": 1, "free": [], "complete": True}
+    plain = {
+        "solutions": [{"q1_deg": 28.64789, "q2_deg": 0, "q3_mm": 0, "q4_deg": 0}],
+        "missed_m": 0.0,
+        "found": 1,
+        "free": [],
+        "complete": True,
+    }
     asked = answer("ik_answer", plain | values)
     first, *others = run("ik", "scara", 1, 2, 3).out.splitlines()
-    assert first.split()[:2] == ["q1", "28.648°"]  # 0.5 rad
+    assert first.split()[:2] == ["q1", "28.648°"]
     assert others == lines
     run("ik", "scara", 1, 2, 3, "--all", "--json")
     assert asked == [("scara", [1, 2, 3], False), ("scara", [1, 2, 3], True)]
@@ -151,7 +156,7 @@ def test_ik_of_a_configuration_vector_asks_for_it(run: Run, answer: Answer) -> N
 def test_ik_of_a_base_numbers_its_wheels_and_omits_what_is_not_known(
     run: Run, answer: Answer, tables: list[tuple[Any, ...]]
 ) -> None:
-    speeds = {"wheel_speeds_rad_s": [pi / 2, -pi]}
+    speeds = {"wheel_speeds_deg_s": [90, -180]}
     answer("ik_answer", speeds)
     assert run("ik", "omni", 1, 2, 3).out == ""
     whole = {"rim_speeds_m_s": [0.1, 0.2], "motor_turns_per_s": [1.5, -2], "encoder_counts_per_s": [7, 8.26]}
@@ -191,7 +196,7 @@ def test_jacobian_prints_the_matrix_the_measure_and_what_is_lost(run: Run, answe
 
 
 def test_jacobian_prints_velocities_in_millimetres_and_degrees(run: Run, answer: Answer) -> None:
-    moving = {"velocity_m_s": [0.1, 0, -0.02], "angular_velocity_rad_s": [pi, 0, -pi / 2]}
+    moving = {"velocity_m_s": [0.1, 0, -0.02], "angular_velocity_deg_s": [180, 0, -90]}
     asked = answer("jacobian_answer", JACOBIAN | moving)
     lines = run("jacobian", "any", "--rates", "10, -5 2.5", "--frame", "n").out.splitlines()
     assert lines[3:5] == ["v 100.0000  0.0000  -20.0000 mm/s", "ω 180.0000  0.0000  -90.0000 °/s"]
@@ -283,10 +288,10 @@ def test_transform_prints_a_matrix_and_perhaps_a_point(run: Run, answer: Answer)
 
 
 def test_orientation_prints_all_other_forms(run: Run, answer: Answer, tables: list[tuple[Any, ...]]) -> None:
-    angles = {"ZYX": [pi / 2, 0, -pi], "ZYZ": [0, pi / 4, 0]}
-    second = {"ZYX": [0, pi, 0], "ZYZ": [pi, 0, 0]}
-    value = {"axis": [0, 0.6, -0.8], "angle_rad": pi / 3, "quaternion": [1, 0, 0, -0.5], "matrix": UNIT}
-    asked = answer("orientation_answer", {"angles_rad": angles, "second_rad": second, **value})
+    angles = {"ZYX": [90, 0, -180], "ZYZ": [0, 45, 0]}
+    second = {"ZYX": [0, 180, 0], "ZYZ": [180, 0, 0]}
+    value = {"axis": [0, 0.6, -0.8], "angle_deg": 60, "quaternion": [1, 0, 0, -0.5], "matrix": UNIT}
+    asked = answer("orientation_answer", {"angles_deg": angles, "second_deg": second, **value})
     assert run("orientation", "rpy", 1, 2, 3).out.splitlines() == [
         "axis        0.000000  0.600000  -0.800000",
         "angle       60.0000°",
@@ -339,12 +344,12 @@ def test_the_list_of_robots_is_a_table_or_json(
 
 
 JOINTS = [
-    {"name": "q1", "kind": "turning", "lower_rad": -pi / 2, "upper_rad": pi, "home_rad": 0.0},
+    {"name": "q1", "kind": "turning", "lower_deg": -90, "upper_deg": 180, "home_deg": 0.0},
     {"name": "q2", "kind": "sliding", "lower_m": 0.0, "upper_m": 0.2, "home_m": 0.0125},
 ]
 ROWS = [
-    {"joint": "q1", "theta_rad": pi / 2, "d": "l0", "a": "0", "alpha_rad": -pi},
-    {"joint": None, "theta_rad": 0.0, "d": "0", "a": "l1", "alpha_rad": 0.0},
+    {"joint": "q1", "theta_deg": 90, "d": "l0", "a": "0", "alpha_deg": -180},
+    {"joint": None, "theta_deg": 0.0, "d": "0", "a": "l1", "alpha_deg": 0.0},
 ]
 ARM = {"joints": JOINTS, "rows": ROWS, "convention": "modified", "lengths_m": {"l0": 0.6, "l1": 0.0125}}
 
@@ -389,7 +394,7 @@ def test_the_details_of_a_walking_robot_and_of_a_base(
     run: Run, answer: Answer, tables: list[tuple[Any, ...]]
 ) -> None:
     head = {"name": "a", "title": "", "kind": "k", "dimensions": "d", "source": ""}
-    mounts = [{"name": "L1", "position_m": [0.09, 0.06, 0], "heading_rad": pi / 2}]
+    mounts = [{"name": "L1", "position_m": [0.09, 0.06, 0], "heading_deg": 90}]
     answer("robot_details", head | {"leg": ARM, "mounts": mounts})
     run("robots", "a")
     assert [title for title, *_ in tables] == ["Joints", "DH rows (modified)", "Lengths", "Mounts"]

@@ -283,7 +283,7 @@ def test_no_output_of_a_signal_takes_the_place_of_an_input(run: Command, measuri
 
 def test_plot_draws_the_trace_or_the_motion_once(run: Command, measuring: dict[str, Any]) -> None:
     ran = run("plot", "folder/a.hex", "-o", "a.png")
-    assert (ran.code, ran.out) == (0, "a.png: pulses of folder/a.hex\n")
+    assert (ran.code, ran.out) == (0, "a.png: pulses of folder/a.hex\nnext: servogen measure folder/a.hex\n")
     title = "folder/a.hex: pulses from the first edge on"
     assert measuring["drawn"] == (777, Path("a.png"), title, None)
     run("plot", "x/folder/a.hex", "-o", "a.png", "--against", "s.json")

@@ -549,15 +549,13 @@ def test_the_details_of_an_arm_are_its_file_s() -> None:
     assert [row["joint"] for row in details["rows"]] == ["q1", "q2", "q3", "q4", "q5"]
     # docs/robots.md, the RV-M1: q1 from -60° to 240°, home 90°
     first = details["joints"][0]
-    assert [math.degrees(first[key]) for key in ("lower_rad", "upper_rad", "home_rad")] == pytest.approx(
-        [-60, 240, 90]
-    )
+    assert [first[key] for key in ("lower_deg", "upper_deg", "home_deg")] == pytest.approx([-60, 240, 90])
     leg = arm_details(arm("leg"))
     assert [row["joint"] for row in leg["rows"]].count(None) == sum(
         row.joint is None for row in arm("leg").rows
     )
     assert details["target"] == ["x", "y", "z", "pitch", "roll"]
-    assert details["base"] == {"position_m": [0, 0, 0], "rz_ry_rx_rad": [0, 0, 0]}
+    assert details["base"] == {"position_m": [0, 0, 0], "rz_ry_rx_deg": [0, 0, 0]}
 
 
 @pytest.mark.parametrize("beyond", [1e9 + 1, -1e9 - 1])
@@ -578,11 +576,11 @@ def test_joints_of_a_mechanism_are_counted_up_to_a_thousand(text: str, count: in
 def test_a_body_speed_has_a_direction_and_a_radius_unless_it_stands_or_goes_straight() -> None:
     """All wheels alike turn on the spot; opposite ones go straight."""
     spot = q.fk_answer("omni", (90, 90, 90))
-    assert (spot["direction_rad"], spot["radius_m"]) == (None, pytest.approx(0))
+    assert (spot["direction_deg"], spot["radius_m"]) == (None, pytest.approx(0))
     straight = q.fk_answer("omni", (90, -90, 0))
-    assert (straight["direction_rad"], straight["radius_m"]) == (pytest.approx(0), None)
+    assert (straight["direction_deg"], straight["radius_m"]) == (pytest.approx(0), None)
     one = q.fk_answer("omni", (90, 0, 0))
-    assert one["radius_m"] == pytest.approx(one["speed_m_s"] / abs(one["turn_rad_s"]))
+    assert one["radius_m"] == pytest.approx(one["speed_m_s"] / abs(math.radians(one["turn_deg_s"])))
 
 
 @pytest.mark.parametrize(("axis", "kind"), [("z", "revolute"), ("z", "prismatic")])

@@ -391,7 +391,7 @@ def test_the_facts_of_a_hexapod_are_those_of_its_file_and_its_mobility_that_of_i
     assert details["centre_of_mass_m"] == list(bug.centre_of_mass)
     assert [each["name"] for each in details["mounts"]] == ["A", "B"]
     assert details["mounts"][0]["position_m"] == pytest.approx([0.06, 0.035, 0.012])
-    assert details["mounts"][0]["heading_rad"] == pytest.approx(math.pi / 6)
+    assert details["mounts"][0]["heading_deg"] == pytest.approx(30)
     assert [each["mirrored"] for each in details["mounts"]] == [False, True]
     mobility = KINDS["hexapod"].mobility(bug)
     # a leg is a chain of links and joints; the slider mechanism's joint follows β

@@ -172,7 +172,7 @@ def test_the_details_of_a_base() -> None:
     details = kind.details(BASE)
     assert (details["wheel_radius_m"], details["wheel_distance_m"]) == (0.04, 0.135)
     assert (details["gear"], details["counts_per_turn"]) == (16.0, 2048)
-    assert len(details["sensor_angles_rad"]) == 9
+    assert len(details["sensor_angles_deg"]) == 9
     assert details["table"][0]["wheels"] == ["clockwise"] * 3
     wheels = kind.wheel_details(BASE, np.array([math.pi, 0.0, -math.pi]))
     assert wheels["rim_speeds_m_s"].tolist() == pytest.approx([0.04 * math.pi, 0, -0.04 * math.pi])

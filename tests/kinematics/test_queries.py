@@ -66,7 +66,7 @@ def test_fk_and_ik_of_the_worked_pose() -> None:
     assert np.shape(answer["rotation"]) == (3, 3)
     assert answer["beyond_limits"] == []
     back = q.ik_answer("scara", [1000 * value for value in answer["position_m"]], everything=True)
-    assert back["solutions"][0] == pytest.approx([radians(30), radians(60), 0.2, 0.0])
+    assert back["solutions"][0] == pytest.approx({"q1_deg": 30, "q2_deg": 60, "q3_mm": 200, "q4_deg": 0})
     assert (len(back["solutions"]), back["found"]) == (2, 2)
     assert len(q.ik_answer("scara", (346.41, 500, 250))["solutions"]) == 1
 
@@ -101,7 +101,7 @@ def test_numbers_that_are_none_are_refused(wrong: float) -> None:
 
 def test_ik_with_an_orientation_and_with_the_wrong_number_of_values() -> None:
     answer = q.ik_answer("rv-m1", (200, 100, 400, -60, 25), everything=True)
-    assert answer["joints"] == ["q1", "q2", "q3", "q4", "q5"]
+    assert list(answer["solutions"][0]) == ["q1_deg", "q2_deg", "q3_deg", "q4_deg", "q5_deg"]
     # Turned round and with the elbow up it would be reached as well, but not within the limits
     assert answer["found"] == 1
     with pytest.raises(InputError, match="rv-m1 takes x y z or x y z pitch roll, not 4 numbers"):
@@ -139,7 +139,7 @@ def test_a_target_typed_with_two_digits_is_the_nearest_point_that_an_arm_reaches
     typed, roll = np.round(exact, 2), [joints[2]] if name == "wrist-arm" else []
     answer = q.ik_answer(name, [*typed, *roll], everything=True)
     assert 0 < answer["missed_m"] <= np.linalg.norm(exact - typed) / 1000 + 1e-9
-    at = [fk_position(arm(name), each) for each in answer["solutions"]]
+    at = [fk_position(arm(name), np.radians([*each.values()])) for each in answer["solutions"]]
     assert np.linalg.norm(np.array(at) - typed / 1000, axis=1) == pytest.approx(answer["missed_m"], abs=1e-9)
     assert q.ik_answer(name, [*exact, *roll])["missed_m"] < 1e-9
     with pytest.raises(Unreachable):
@@ -197,14 +197,14 @@ def test_the_speed_of_the_omni_base_is_the_three_equations() -> None:
     answer = q.fk_answer("omni", (100, -40, 10))
     assert answer["vx_m_s"] == pytest.approx(0.04 * (one - two) / sqrt(3))
     assert answer["vy_m_s"] == pytest.approx(0.04 * (-one - two + 2 * three) / 3)
-    assert answer["turn_rad_s"] == pytest.approx(-0.04 * (one + two + three) / (3 * 0.135))
+    assert radians(answer["turn_deg_s"]) == pytest.approx(-0.04 * (one + two + three) / (3 * 0.135))
     assert answer["radius_m"] == pytest.approx(
-        np.hypot(answer["vx_m_s"], answer["vy_m_s"]) / abs(answer["turn_rad_s"])
+        np.hypot(answer["vx_m_s"], answer["vy_m_s"]) / abs(radians(answer["turn_deg_s"]))
     )
     on_the_spot, straight, still = (q.fk_answer("omni", each) for each in ((9, 9, 9), (9, -9, 0), (0, 0, 0)))
-    assert (on_the_spot["direction_rad"], on_the_spot["radius_m"]) == (None, 0)
-    assert (straight["direction_rad"], straight["radius_m"]) == (0, None)
-    assert (still["direction_rad"], still["radius_m"]) == (None, None)
+    assert (on_the_spot["direction_deg"], on_the_spot["radius_m"]) == (None, 0)
+    assert (straight["direction_deg"], straight["radius_m"]) == (0, None)
+    assert (still["direction_deg"], still["radius_m"]) == (None, None)
 
 
 def test_a_metre_in_a_second_is_the_travel_of_the_lab() -> None:
@@ -214,8 +214,8 @@ def test_a_metre_in_a_second_is_the_travel_of_the_lab() -> None:
     turns = 16 * 1000 * sin(pi / 3) / (pi * 80)
     assert answer["motor_turns_per_s"] == pytest.approx([turns, -turns, 0])
     assert answer["encoder_counts_per_s"][0] == pytest.approx(2048 * turns)
-    back = q.fk_answer("omni", np.degrees(answer["wheel_speeds_rad_s"]))
-    assert (back["vx_m_s"], back["turn_rad_s"]) == (pytest.approx(1), pytest.approx(0))
+    back = q.fk_answer("omni", answer["wheel_speeds_deg_s"])
+    assert (back["vx_m_s"], back["turn_deg_s"]) == (pytest.approx(1), pytest.approx(0))
 
 
 def test_the_jacobian_of_the_omni_base_and_its_inverse() -> None:
@@ -257,7 +257,7 @@ def test_the_velocity_of_the_tool_is_the_derivative_of_its_position() -> None:
     ahead, behind = (q.fk_answer("scara", at + sign * step * rates)["position_m"] for sign in (1, -1))
     assert answer["velocity_m_s"] == pytest.approx(np.subtract(ahead, behind) / (2 * step), abs=1e-8)
     # the rotation about z is θ1 + θ2 - θ4
-    assert np.degrees(answer["angular_velocity_rad_s"]) == pytest.approx([0, 0, 10 - 20 - 5])
+    assert answer["angular_velocity_deg_s"] == pytest.approx([0, 0, 10 - 20 - 5])
 
 
 def test_the_torques_of_a_force_on_the_tool_are_levers_times_it() -> None:
@@ -370,7 +370,7 @@ def test_a_configuration_vector_is_typed_in_millimetres() -> None:
     typed = [1000 * value for value in vector[:3]] + vector[3:]
     answer = q.configuration_answer("rv-m1", typed, everything=True)
     assert any(
-        np.allclose(np.degrees(each), (90, 10, -20, 100, 90), atol=1e-6) for each in answer["solutions"]
+        np.allclose([*each.values()], (90, 10, -20, 100, 90), atol=1e-6) for each in answer["solutions"]
     )
     with pytest.raises(InputError, match="a configuration vector has six numbers, not 3"):
         q.configuration_answer("rv-m1", (1, 2, 3))
