@@ -49,6 +49,9 @@ NODES = 600
 CORNER = 0.1
 """A third difference above this (cycles) is a change of the motion."""
 
+MISSED, REACHED = 0, 1
+"""Whether the pose of a frame is the one that the servos have there."""
+
 PROBES = (0.25, 0.5, 0.75)
 STEP_BYTES = 2
 ENOUGH = 96
@@ -175,75 +178,97 @@ class _Part:
     offset: int
     last: int
     far: float
-    _reached: dict[tuple[str, int], list[int]] = field(default_factory=dict)
-    """The ends that each law reaches from each frame, which are the same whatever other laws there are."""
+    _found: dict[tuple[str, int], Whole] = field(default_factory=dict)
+    """By law and first frame, for the ends behind it: whether it reaches them, 1 or 0, or -1 if nobody asked.
+    It is the same whatever other laws there are.
+    """
+    _still: dict[int, int] = field(default_factory=dict)
 
     def pieces(self, laws: Sequence[str]) -> Iterator[_Piece]:
-        """Return the cheapest pieces; a node is a frame and whether its own pose is reached there."""
+        """Return the cheapest pieces; a node is a frame, and REACHED or MISSED."""
         frames = len(self.rows) - 1
         nodes = _nodes(self.rows, self.far)
-        cost = {(0, True): 0.0}
-        came: dict[tuple[int, bool], tuple[tuple[int, bool], str]] = {}
+        cost = np.full((frames + 1, 2), np.inf)
+        cost[0, REACHED] = 0
+        came: dict[tuple[int, int], tuple[tuple[int, int], str]] = {}
         # Steps only lead forward, so one pass over the nodes in order settles every cost.
-        for index, first in enumerate(nodes):
+        for index, first in enumerate(nodes.tolist()):
             ends = nodes[index + 1 :]
             ends = ends[: int(np.searchsorted(ends, first + LONGEST, side="right"))]
-            for state in ((first, True), (first, False)):
-                if state not in cost or not len(ends):
-                    continue
-                for end, exact, law, price in self._ways(first, ends, laws, joined=state[1]):
-                    target = (end, exact)
-                    if cost[state] + price < cost.get(target, np.inf):
-                        cost[target] = cost[state] + price
-                        came[target] = state, law
+            for pose in (REACHED, MISSED):
+                if np.isfinite(cost[first, pose]) and len(ends):
+                    for end, at_end, law in self._steps(first, pose, ends, laws, cost):
+                        came[end, at_end] = (first, pose), law
         # The next part starts from its own first pose, so a jump at the end is a straight step of one frame.
-        goal = frames, True
+        goal = frames, REACHED
         pieces = []
         while goal[0]:
             before, law = came[goal]
-            at_end = self.last if goal[0] == frames else self.offset + goal[0]
-            pose = self.offset + before[0] if law == "stay" else at_end
+            following = self.last if goal[0] == frames else self.offset + goal[0]
+            pose = self.offset + before[0] if law == "stay" else following
             pieces.append(_Piece(self.offset + before[0], self.offset + goal[0], law, pose))
             goal = before
         yield from reversed(pieces)
 
-    def _ways(
-        self, first: int, ends: Whole, laws: Sequence[str], *, joined: bool
-    ) -> Iterator[tuple[int, bool, str, float]]:
-        """Return the possible steps from a frame: their end, whether its pose is reached, the law, the
-        bytes.
+    def _steps(
+        self, first: int, pose: int, ends: Whole, laws: Sequence[str], cost: Floats
+    ) -> Iterator[tuple[int, int, str]]:
+        """Lower the cost of the nodes to which a step from one is the cheapest so far, and yield them, and the
+        law.
         """
-        still = np.abs(self.rows[first : ends[-1] + 1] - self.rows[first]).max(axis=1) <= self.far
-        frames_still = int(np.argmin(still)) if not still.all() else len(still)
+        frames_still = self._frames_still(first, ends)
         columns = self.rows.shape[1]
+        price = cost[first, pose] + STEP_BYTES + (0 if pose == REACHED else columns)
         for end in ends[ends - first <= frames_still].tolist():
             # A step can continue from there only if the next frame has the same pose.
-            same = end - first < frames_still
-            yield end, same, "stay", STEP_BYTES + (0 if joined else columns)
+            at_end = REACHED if end - first < frames_still else MISSED
+            if price < cost[end, at_end]:
+                cost[end, at_end] = price
+                yield end, at_end, "stay"
         # A law begins at a stored pose: where the pose of the frame was not reached, it can only stay.
-        if not joined:
+        if pose == MISSED:
             return
+        price += columns
         for law in ("straight", *laws):
-            if (law, first) not in self._reached:
-                self._reached[law, first] = _possible(self.rows, first, ends, law, self.far)
-            for end in self._reached[law, first]:
-                yield end, True, law, STEP_BYTES + columns
+            # Most ends have a step that is as cheap, from an earlier frame or by another law.
+            for end in self._reached(first, ends[price < cost[ends, REACHED]], law):
+                cost[end, REACHED] = price
+                yield end, REACHED, law
+
+    def _frames_still(self, first: int, ends: Whole) -> int:
+        """Return for how many frames the servos stay where they are."""
+        if first not in self._still:
+            still = np.abs(self.rows[first : ends[-1] + 1] - self.rows[first]).max(axis=1) <= self.far
+            self._still[first] = int(np.argmin(still)) if not still.all() else len(still)
+        return self._still[first]
+
+    def _reached(self, first: int, ends: Whole, law: str) -> list[int]:
+        """Return those of `ends` that the law reaches."""
+        if (law, first) not in self._found:
+            self._found[law, first] = np.full(LONGEST + 1, -1)
+        found = self._found[law, first]
+        new = ends[found[ends - first] < 0]
+        if len(new):
+            found[new - first] = 0
+            found[_possible(self.rows, first, new, law, self.far) - first] = 1
+        reached: list[int] = ends[found[ends - first] == 1].tolist()
+        return reached
 
 
-def _possible(rows: Floats, first: int, ends: Whole, law: str, far: float) -> list[int]:
+def _possible(rows: Floats, first: int, ends: Whole, law: str, far: float) -> Whole:
     """Return those of `ends` that the law reaches within `far` of every row."""
-    start, distance = rows[first], rows[ends] - rows[first]
-    fits = np.ones(len(ends), dtype=bool)
+    start = rows[first]
     for probe in PROBES:
         frames = ((ends - first) * probe).astype(np.int64)
-        shares = _share(law, frames / (ends - first))
-        fits &= (np.abs(rows[first + frames] - start - shares[:, None] * distance) <= far).all(axis=1)
+        shares = _share(law, frames / (ends - first))[:, None]
+        away = np.abs(rows[first + frames] - start - shares * (rows[ends] - start))
+        ends = ends[away.max(axis=1, initial=0) <= far]
     reached = []
-    for end in ends[fits].tolist():
+    for end in ends.tolist():
         away = rows[first : end + 1] - start - _shares(law, end - first)[:, None] * (rows[end] - start)
         if np.abs(away).max() <= far:
             reached.append(end)
-    return reached
+    return np.array(reached, dtype=np.int64)
 
 
 @cache

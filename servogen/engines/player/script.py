@@ -229,6 +229,8 @@ def ordered(
 def folded(entries: Sequence[RowEntry]) -> list[tuple[list[RowEntry], int]]:
     """Return the entries as bodies with their numbers of repetitions, so that few bytes remain."""
     best = (0, 0, 0, 0)
+    known: dict[RowEntry, int] = {}
+    numbers = [known.setdefault(entry, len(known)) for entry in entries]  # cheaper to compare than entries
     for length in range(1, min(len(entries) // 2, MAX_BODY) + 1):
         start = 0
         while start + 2 * length <= len(entries):
@@ -236,8 +238,8 @@ def folded(entries: Sequence[RowEntry]) -> list[tuple[list[RowEntry], int]]:
                 start += 1
                 continue
             times = 1
-            one = entries[start : start + length]
-            while entries[start + times * length : start + (times + 1) * length] == one:
+            body_numbers = numbers[start : start + length]
+            while numbers[start + times * length : start + (times + 1) * length] == body_numbers:
                 times += 1
             saved = (min(times, MAX_TIMES) - 1) * length - AGAIN_BYTES
             if saved > best[0]:
