@@ -13,12 +13,14 @@ READY  := $(VENV)/.installed
 # Where compiled modules may not be kept, each of the hundreds of commands that the tests start compiles all of them.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test check docs docs-tools prove bench firmware constraints flash clean help
+.PHONY: demo test test-changed campaigns check docs docs-tools prove bench firmware constraints flash clean help
 
 help:
 	@echo "make demo      install into $(VENV), build every job under jobs/, print one table: exact, and proven"
-	@echo "make test      the tests"
-	@echo "make check     format, lint, types and the tests, which also rebuild firmware/"
+	@echo "make test      the tests of a change, which also rebuild firmware/"
+	@echo "make test-changed  of these only the ones that import what changed, the nearest first, up to a failure"
+	@echo "make campaigns the long tests: random robots and programs, hostile builds, clean clones, locales, clusters"
+	@echo "make check     format, lint, types and all tests"
 	@echo "make docs      make the documentation site, build/site, and fail at any warning"
 	@echo "make firmware  rebuild firmware/, or one job of it: JOBS=jobs/lab8-exercise.toml"
 	@echo "make prove     prove the programs of firmware/ for all inputs, and check each certificate: JOBS=jobs/…"
@@ -43,7 +45,13 @@ demo: $(READY)
 	$(BIN)/servogen demo $(JOBS) --output build --certificates certificates
 
 test: $(READY)
-	$(BIN)/pytest
+	$(BIN)/pytest -m "not campaign"
+
+test-changed: $(READY)
+	$(BIN)/python tools/changed_tests.py
+
+campaigns: $(READY)
+	$(BIN)/pytest -m campaign
 
 # While one core checks the types, another compiles the tests: otherwise each worker of pytest compiles all of them.
 check: $(READY)
