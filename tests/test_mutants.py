@@ -239,6 +239,7 @@ def test_a_line_that_is_not_seen_runs_in_all_tests_of_its_package(toy: Path, tmp
         assert record.tests_of(added) == expected
 
 
+@pytest.mark.campaign
 def test_killed_are_what_a_test_notices_and_what_hangs_and_nothing_else(
     toy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

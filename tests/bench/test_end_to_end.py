@@ -65,6 +65,7 @@ def cloned(folder: Path) -> Path:
     return folder
 
 
+@pytest.mark.campaign
 @picpro
 def test_from_a_clean_clone_make_flash_capture_and_verify_are_one_command_each(
     run: Run, tmp_path: Path

@@ -18,6 +18,7 @@ from servogen.bench.virtual.rig import RigOptions, with_fault
 from servogen.errors import InputError, ToolError
 from servogen.simulator.sources import pin_number
 from tests.bench.conftest import LAB8, ROOT, Bench, Run, running
+from tests.campaigns import sampled
 from tests.cli.stand_ins import stand_in
 
 JOB = ROOT / "jobs" / "lab8-exercise.toml"
@@ -69,7 +70,7 @@ def test_the_board_leaves_the_serial_lines_pin_alone(run: Run, monkeypatch: pyte
     assert held == [(listening, {}), (other, {listening: 1})]
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", sampled([signal.SIGINT, signal.SIGTERM, signal.SIGHUP]))
 def test_it_ends_on_a_signal_and_leaves_nothing_behind(
     bench: Rig, number: signal.Signals, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -66,6 +66,7 @@ class Shell:
         os.close(self.master)
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(shutil.which("zsh") is None, reason="zsh is not installed")
 def test_zsh_completes_after_install_completion(tmp_path: Path) -> None:
     """Typed in an interactive zsh: the tabulator completes, and the line is printed instead of run.
@@ -98,6 +99,7 @@ def test_zsh_completes_after_install_completion(tmp_path: Path) -> None:
         shell.close()
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(shutil.which("fish") is None, reason="fish is not installed")
 def test_fish_completes_after_install_completion(tmp_path: Path) -> None:
     def fish(script: str) -> str:

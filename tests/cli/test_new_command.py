@@ -12,6 +12,7 @@ import pytest
 from servogen.job import KINDS, load, plan_job
 from servogen.pulse import plan
 from servogen.robot import servo_models
+from tests.campaigns import sampled
 from tests.cli.conftest import Run
 
 WITH_ANGLES = ("futaba-s3001", "mpx-tiny-s", "sg90")
@@ -35,7 +36,7 @@ def test_the_servos_are_of_the_catalogue() -> None:
     assert {*WITH_ANGLES, "continuous"} <= set(servo_models.names())
 
 
-@pytest.mark.parametrize(("kind", "servo"), [*FITTING, ("omni", "continuous")])
+@pytest.mark.parametrize(("kind", "servo"), sampled([*FITTING, ("omni", "continuous")], 8))
 def test_every_robot_with_every_servo_is_planned_without_a_warning(run: Run, kind: str, servo: str) -> None:
     ran = run("new", "my.toml", "--robot", kind, "--servo", servo)
     assert (ran.code, ran.err) == (0, "")

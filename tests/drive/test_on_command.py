@@ -42,6 +42,7 @@ from servogen.job import PlannedJob, load, plan_job
 from servogen.pic.device import RAM_FIRST
 from servogen.pulse.schedule import from_json
 from servogen.units import Clock, Cycles
+from tests.campaigns import sampled
 from tests.cli.stand_ins import stand_in
 from tests.drive.conftest import ROOT, Run
 from tests.engines.player.test_direction_buttons import ROBOT, TEXT, TWO
@@ -139,14 +140,17 @@ class Ended(CommandedDrive):
 
 @pytest.mark.parametrize(
     ("terminal", "port", "dry_run", "real"),
-    [
-        (True, None, False, True),
-        (True, None, True, False),
-        (True, "/dev/ttyX", True, False),
-        (False, None, False, False),
-        (False, "/dev/ttyX", False, True),
-        (False, "/dev/ttyX", True, False),
-    ],
+    sampled(
+        [
+            (True, None, False, True),
+            (True, None, True, False),
+            (True, "/dev/ttyX", True, False),
+            (False, None, False, False),
+            (False, "/dev/ttyX", False, True),
+            (False, "/dev/ttyX", True, False),
+        ],
+        2,
+    ),
 )
 def test_time_is_real_for_a_person_or_a_robot_and_only_a_terminals_state_stays_on_its_line(
     terminal: bool,

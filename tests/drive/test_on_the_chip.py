@@ -30,6 +30,7 @@ from servogen.job import PlannedJob, load, loads, plan_job
 from servogen.motion.trajectory import Floats
 from servogen.pic.image import Image
 from servogen.simulator import SimulatorOptions
+from tests.campaigns import sampled
 from tests.drive.conftest import Run
 
 EFFECT_S = 0.010
@@ -128,7 +129,7 @@ def driven(
     return [{**entry, "s": float(str(entry["s"])) + began} for entry in log]
 
 
-@pytest.mark.parametrize("count", [3, 8])
+@pytest.mark.parametrize("count", sampled([3, 8]))
 def test_every_position_is_a_pulse_width_in_the_first_frame_after_it(count: int) -> None:
     text = job_of(count)
     robot = OnChip(plan_job(loads(text + moving(count), "job.toml")), image_of(text))
@@ -255,6 +256,7 @@ def four_legs(folder: Path) -> Path:
     return path
 
 
+@pytest.mark.campaign
 def test_a_gait_under_orders_is_walked_by_the_chip(tmp_path: Path) -> None:
     job = plan_job(load(four_legs(tmp_path)))
     robot = OnChip(job, compiled(job, stream(job)[1], "c2c").compilation.image)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import servogen
@@ -50,9 +51,12 @@ def _takes_a_diagnostic(node: ast.Call, name: str) -> bool:
     return other or len(node.args) < 2 or (name == "report" and len(node.args) < 3)
 
 
-def modules() -> Iterator[tuple[str, ast.AST]]:
-    for path in sorted(PACKAGE.rglob("*.py")):
-        yield str(path.relative_to(PACKAGE)), ast.parse(path.read_text("utf-8"))
+@cache
+def modules() -> list[tuple[str, ast.AST]]:
+    return [
+        (str(path.relative_to(PACKAGE)), ast.parse(path.read_text("utf-8")))
+        for path in sorted(PACKAGE.rglob("*.py"))
+    ]
 
 
 def documented() -> set[str]:

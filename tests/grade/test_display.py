@@ -24,6 +24,7 @@ from servogen.grade import (
 )
 from servogen.grade.display import markdown
 from tests.bench.conftest import START, Run, run  # noqa: F401 - a fixture
+from tests.campaigns import sampled
 
 RIGHT = Path(__file__).parent / "programs" / "lab8-right" / "delays.c"
 LAB = load_lab("lab8-exercise")
@@ -165,7 +166,7 @@ def test_a_long_message_is_cut() -> None:
     assert max(map(len, text.splitlines())) == 502
 
 
-@pytest.mark.parametrize(("locale", "tables"), [("C.UTF-8", False), ("C", True)])
+@pytest.mark.parametrize(("locale", "tables"), sampled([("C.UTF-8", False), ("C", True)]))
 def test_names_that_are_not_utf8_work(tmp_path: Path, locale: str, tables: bool) -> None:
     """In the table, in JSON, as pages and in a compiler's message."""
     folder = tmp_path / "class" / os.fsdecode(b"\xff\x1b[31m")

@@ -179,6 +179,7 @@ def kill_the_parent(submission: Submission) -> Program:
     return read_submission(submission)
 
 
+@pytest.mark.campaign
 def test_a_fresh_process_that_is_killed_costs_no_other_its_grade(tmp_path: Path) -> None:
     names = ["right1.c", "patricide.c", "right2.c"]
     graded = grade_in_fresh_process(submissions(tmp_path, names), task(kill_the_parent))
@@ -207,6 +208,7 @@ def cluster(workers: int = 1) -> Iterator[str]:
         yield found.scheduler_address
 
 
+@pytest.mark.campaign
 def test_on_a_cluster_no_program_costs_another_its_grade(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -231,6 +233,7 @@ def test_no_cluster_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         grade_submissions(submissions(tmp_path, ["right.c"]), task(), "tcp://127.0.0.1:9")
 
 
+@pytest.mark.campaign
 def test_a_cluster_that_loses_its_workers_is_given_up(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

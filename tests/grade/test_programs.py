@@ -10,6 +10,7 @@ from servogen.grade.checks import order, order_faults
 from servogen.grade.watch import Commanded, Visit
 from servogen.programs import read_submission
 from servogen.workflows.grading import GradingTask, grade_submissions
+from tests.campaigns import sampled
 
 PROGRAMS = Path(__file__).parent / "programs"
 ROOT = Path(__file__).parents[2]
@@ -71,7 +72,7 @@ LAB8_WRONG = {
 }
 
 
-@pytest.mark.parametrize("name", LAB8_WRONG)
+@pytest.mark.parametrize("name", sampled(LAB8_WRONG, 12))
 def test_a_wrong_program_of_exercise_8_4_is_told_what_is_wrong(name: str) -> None:
     grade = graded("lab8-exercise", PROGRAMS / "lab8-wrong" / name)
     assert not grade.passed
@@ -110,7 +111,7 @@ def test_the_printed_program_of_lab_9_has_a_width_that_the_servo_does_not_take()
     assert any("502 µs; the Multiplex Tiny-S takes 1250 to 1750 µs" in reason for reason in reasons)
 
 
-@pytest.mark.parametrize("lab", ["lab8-exercise", "lab9-exercise"])
+@pytest.mark.parametrize("lab", sampled(["lab8-exercise", "lab9-exercise"]))
 @pytest.mark.parametrize("hex_file", ["main.hex", "main.xc8.hex"])
 def test_servogens_own_firmware_passes(lab: str, hex_file: str) -> None:
     grade = graded(lab, ROOT / "firmware" / lab / hex_file)

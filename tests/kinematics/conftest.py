@@ -8,6 +8,7 @@ import pytest
 from servogen.kinematics import transforms as t
 from servogen.kinematics.catalogue import arm, names, robot
 from servogen.robot.model import Arm
+from tests.campaigns import sampled
 
 ARMS = tuple(name for name in names() if isinstance(robot(name), Arm))
 Configurations = Callable[..., np.ndarray]
@@ -16,6 +17,12 @@ Configurations = Callable[..., np.ndarray]
 @pytest.fixture(params=ARMS)
 def any_arm(request: pytest.FixtureRequest) -> Arm:
     """Each arm of the catalogue in turn."""
+    return arm(request.param)
+
+
+@pytest.fixture(params=sampled(ARMS, 4))
+def sampled_arm(request: pytest.FixtureRequest) -> Arm:
+    """Some arms of the catalogue, and each of them in a campaign."""
     return arm(request.param)
 
 

@@ -374,14 +374,14 @@ def test_the_page_of_the_robots_states_how_many_solutions_each_has() -> None:
     assert stated == {name: max(counts) for name, counts in COUNTS.items()}
 
 
-def test_the_numerical_method_reaches_the_same_targets(any_arm, configurations) -> None:
-    pose = fk(any_arm, configurations(any_arm, 10_000))
-    found = numerical.search(any_arm, pose[:, :3, 3], pose[:, :3, :3])
+def test_the_numerical_method_reaches_the_same_targets(sampled_arm, configurations) -> None:
+    pose = fk(sampled_arm, configurations(sampled_arm, 10_000))
+    found = numerical.search(sampled_arm, pose[:, :3, 3], pose[:, :3, :3])
     assert found.within(1e-7).mean() >= 0.999
-    alone = numerical.search(any_arm, pose[:, :3, 3])
+    alone = numerical.search(sampled_arm, pose[:, :3, 3])
     assert alone.within(1e-7).mean() >= 0.999
     np.testing.assert_allclose(
-        fk_position(any_arm, alone.q)[alone.within(1e-7)], pose[alone.within(1e-7), :3, 3], atol=1e-7
+        fk_position(sampled_arm, alone.q)[alone.within(1e-7)], pose[alone.within(1e-7), :3, 3], atol=1e-7
     )
 
 
@@ -485,16 +485,16 @@ def test_an_orientation_that_the_joints_cannot_give_is_named() -> None:
     assert caught.value.nearest == pytest.approx((0.5, 0.1, 0.3), abs=1e-6)
 
 
-def test_the_nearest_point_that_is_advised_is_reached_as_it_is_said(any_arm, configurations) -> None:
-    poses = fk(any_arm, configurations(any_arm, 4, seed=9))
+def test_the_nearest_point_that_is_advised_is_reached_as_it_is_said(sampled_arm, configurations) -> None:
+    poses = fk(sampled_arm, configurations(sampled_arm, 4, seed=9))
     said = set()
     for pose, other in zip(poses, poses[::-1], strict=True):
         for oriented in (False, True):
             turn = other[:3, :3] if oriented else None
             try:
-                ik(any_arm, 1.3 * pose[:3, 3] + 0.05, turn)
+                ik(sampled_arm, 1.3 * pose[:3, 3] + 0.05, turn)
             except Unreachable as error:
-                reached = solve(any_arm, error.nearest, turn, tolerance=1e-6).valid.any()
+                reached = solve(sampled_arm, error.nearest, turn, tolerance=1e-6).valid.any()
                 assert ("in another orientation" in (error.hint or "")) == (not reached)
                 said.add(oriented)
     assert said == {False, True}
@@ -517,10 +517,10 @@ def test_the_first_unreachable_target_of_many_is_the_one_named() -> None:
     assert solve(arm("scara"), targets).valid.any(axis=1).tolist() == [True, False, False]
 
 
-def test_no_configuration_is_nearer_than_the_nearest_point(any_arm, configurations) -> None:
-    cloud = fk_position(any_arm, configurations(any_arm, 20_000))
+def test_no_configuration_is_nearer_than_the_nearest_point(sampled_arm, configurations) -> None:
+    cloud = fk_position(sampled_arm, configurations(sampled_arm, 20_000))
     for target in ([2.5, 0.3, 0.2], [0.0, 0.0, -3.0], [0.0, 0.0, 0.0]):
-        here = np.linalg.norm(np.subtract(nearest_point(any_arm, target), target))
+        here = np.linalg.norm(np.subtract(nearest_point(sampled_arm, target), target))
         assert here <= np.linalg.norm(cloud - target, axis=1).min() + 1e-6
 
 

@@ -78,11 +78,11 @@ def numbers(name: str, q: np.ndarray) -> dict[sympy.Symbol, float]:
     return dict(zip(links(name).joints, map(float, q), strict=True)) | lengths
 
 
-def test_the_numeric_pose_is_the_symbolic_one(any_arm, configurations) -> None:
-    product = links(any_arm.name).product
-    for q in configurations(any_arm, 3):
-        expected = np.array(product.subs(numbers(any_arm.name, q)).evalf(), dtype=float)
-        np.testing.assert_allclose(fk(any_arm, q), expected, atol=1e-14)
+def test_the_numeric_pose_is_the_symbolic_one(sampled_arm, configurations) -> None:
+    product = links(sampled_arm.name).product
+    for q in configurations(sampled_arm, 3):
+        expected = np.array(product.subs(numbers(sampled_arm.name, q)).evalf(), dtype=float)
+        np.testing.assert_allclose(fk(sampled_arm, q), expected, atol=1e-14)
 
 
 def test_the_product_of_the_links_is_the_product(any_arm, configurations) -> None:
@@ -95,11 +95,11 @@ def test_the_product_of_the_links_is_the_product(any_arm, configurations) -> Non
 
 
 @pytest.mark.parametrize("frame", ["0", "n"])
-def test_the_numeric_jacobian_is_the_symbolic_one(any_arm, configurations, frame: str) -> None:
-    symbolic = symbolic_jacobian(any_arm, frame)
-    for q in configurations(any_arm, 2):
-        expected = np.array(symbolic.subs(numbers(any_arm.name, q)).evalf(), dtype=float)
-        np.testing.assert_allclose(jacobian(any_arm, q, 0 if frame == "0" else "n"), expected, atol=1e-14)
+def test_the_numeric_jacobian_is_the_symbolic_one(sampled_arm, configurations, frame: str) -> None:
+    symbolic = symbolic_jacobian(sampled_arm, frame)
+    for q in configurations(sampled_arm, 2):
+        expected = np.array(symbolic.subs(numbers(sampled_arm.name, q)).evalf(), dtype=float)
+        np.testing.assert_allclose(jacobian(sampled_arm, q, 0 if frame == "0" else "n"), expected, atol=1e-14)
 
 
 def test_a_row_without_a_joint_moves_nothing() -> None:

@@ -3,6 +3,7 @@
 from fractions import Fraction
 
 import numpy as np
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -46,9 +47,26 @@ def _run(lines: list[str], repeat: bool) -> ProgramRun:
     return run(parse(text, "a.rvm"), ROBOT, Cycles(20_000), Clock(4_000_000), repeat=repeat, budget=budget)
 
 
-@settings(derandomize=True, max_examples=250, deadline=None, suppress_health_check=list(HealthCheck))
+def _up_to(examples: int) -> settings:
+    return settings(
+        derandomize=True, max_examples=examples, deadline=None, suppress_health_check=list(HealthCheck)
+    )
+
+
+@_up_to(40)
 @given(_PROGRAM, st.booleans())
 def test_a_program_runs_or_is_refused_with_a_place(lines: list[str], repeat: bool) -> None:
+    _runs_or_is_refused(lines, repeat)
+
+
+@pytest.mark.campaign
+@_up_to(250)
+@given(_PROGRAM, st.booleans())
+def test_many_programs_run_or_are_refused_with_a_place(lines: list[str], repeat: bool) -> None:
+    _runs_or_is_refused(lines, repeat)
+
+
+def _runs_or_is_refused(lines: list[str], repeat: bool) -> None:
     try:
         made = _run(lines, repeat).trajectory
     except InputError as error:

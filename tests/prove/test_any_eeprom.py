@@ -20,6 +20,7 @@ from servogen.pulse.schedule import Channel, Pulse, Run
 from servogen.traces import read_edges
 from servogen.units import Clock, Cycles
 from servogen.workflows.job_build import BuiltProgram
+from tests.campaigns import sampled
 from tests.engines.player.player_jobs import built_text, job_text, sweep
 from tests.prove.attack import servogen
 from tests.prove.test_prove_inputs import assembled, schedule_of
@@ -46,7 +47,7 @@ def test_a_trim_is_twos_complement_and_the_erased_byte_is_none() -> None:
     assert trims == [0, 1, 127, -128, -40, -2, 0]
 
 
-@pytest.mark.parametrize("servos", [1, 2])
+@pytest.mark.parametrize("servos", sampled([1, 2]))
 def test_every_trim_is_proven_and_the_answer_says_which_byte_is_whose(servos: int) -> None:
     found = proof(servos)
     assert found.proven, found.reason

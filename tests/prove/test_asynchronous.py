@@ -207,6 +207,7 @@ def written(meanwhile: str, rest: str) -> Image:
     return assembled(WRITE.format(meanwhile=meanwhile) + PULSE + rest)
 
 
+@pytest.mark.campaign
 def test_an_eeprom_write_before_the_first_pulse_may_take_any_time() -> None:
     image = written(POLL, "stop    goto stop\n")
     schedule = replace(once(), period=64, clock=SLOW, device="PIC16F84A")

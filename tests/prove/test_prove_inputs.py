@@ -22,6 +22,7 @@ from servogen.simulator import Machine, NoRepeat, find_repeat, parse_stimuli
 from servogen.units import Clock, Cycles
 from servogen.workflows import planned
 from servogen.workflows.verification import judge_forever
+from tests.campaigns import sampled
 from tests.engines.player.player_jobs import job_text, sweep
 from tests.prove.replay import is_wrong
 
@@ -37,7 +38,9 @@ def built(firmware: str) -> tuple[PulseSchedule, Firmware]:
     return job.plan.schedule, job.make("c2c")
 
 
-@pytest.mark.parametrize("firmware", [STOP, STOP + HOLD, START, START + STOP, START + STOP + HOLD])
+@pytest.mark.parametrize(
+    "firmware", sampled([STOP, STOP + HOLD, START, START + STOP, START + STOP + HOLD], 2)
+)
 def test_a_player_with_buttons_is_proven_for_every_press(firmware: str) -> None:
     schedule, program = built(firmware)
     assert schedule.buttons is not None
@@ -66,15 +69,18 @@ def changed(program: Firmware, old: str, new: str, tmp_path: Path) -> Image:
 
 @pytest.mark.parametrize(
     ("firmware", "old", "new"),
-    [
-        # only a press that counts in one frame of one part
-        (STOP + HOLD, "running = 0;", "running = 0; if (frames == 3) time += 7;"),
-        (START + STOP, " " * 12 + "pins = 0xFF;", "if (frames == 2) pins = 0xFE; else pins = 0xFF;"),
-        # pressed for two frames is not pressed
-        (STOP + HOLD, "if (stop_seen == 3) {", "if (stop_seen >= 2) {"),
-        # start goes on where it was, instead of at the beginning
-        (START + STOP, "        rewind();\n    }\n    if", "    }\n    if"),
-    ],
+    sampled(
+        [
+            # only a press that counts in one frame of one part
+            (STOP + HOLD, "running = 0;", "running = 0; if (frames == 3) time += 7;"),
+            (START + STOP, " " * 12 + "pins = 0xFF;", "if (frames == 2) pins = 0xFE; else pins = 0xFF;"),
+            # pressed for two frames is not pressed
+            (STOP + HOLD, "if (stop_seen == 3) {", "if (stop_seen >= 2) {"),
+            # start goes on where it was, instead of at the beginning
+            (START + STOP, "        rewind();\n    }\n    if", "    }\n    if"),
+        ],
+        2,
+    ),
 )
 def test_a_fault_that_needs_a_press_at_the_right_time_is_found(
     firmware: str, old: str, new: str, tmp_path: Path
@@ -284,7 +290,7 @@ rest    decfsz 0x21, f
     assert prove_for_all(never, schedule).proven, "TMR0 is odd there"
 
 
-@pytest.mark.parametrize(("enable", "isr"), [("0x90", "INTF"), ("0x88", "RBIF")])
+@pytest.mark.parametrize(("enable", "isr"), sampled([("0x90", "INTF"), ("0x88", "RBIF")]))
 def test_an_interrupt_that_moves_an_edge_is_found(enable: str, isr: str) -> None:
     body = """
         movlw {enable}
@@ -341,7 +347,7 @@ rest    decfsz 0x21, f
     assert not prove_for_all(assembled(body.format(odd=" btfss 0x31, 6\n dw 0x0001")), schedule).proven
 
 
-@pytest.mark.parametrize("flag", ["INTF", "RBIF", "T0IF"])
+@pytest.mark.parametrize("flag", sampled(["INTF", "RBIF", "T0IF"], 2))
 def test_a_flag_that_is_only_polled_makes_no_interrupt(flag: str) -> None:
     """The handler hangs: whoever went there would make no more edges."""
     body = """

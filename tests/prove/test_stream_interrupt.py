@@ -16,6 +16,7 @@ from servogen.job import load, loads, plan_job
 from servogen.prove.stream.interrupt import interrupt_of
 from servogen.prove.stream.looks import InterruptChanged
 from servogen.prove.stream.rounds import guarantee
+from tests.campaigns import sampled
 from tests.engines.stream.stream_soak import JOBS
 
 JOB = plan_job(load(JOBS / "stream-eight.toml"))
@@ -93,14 +94,17 @@ BEGINS = {
 
 @pytest.mark.parametrize(
     ("edge", "late", "following", "fine"),
-    [
-        ("rise", 27, "no edge", 255),
-        ("rise", 27, "a fall", 255),
-        ("fall before the last round but one", 0, "no edge", 70),
-        ("fall in the last round but one", 20, "a rise", 70),
-        ("fall that takes over the next round", 27, "no edge", 255),
-        ("fall that takes over the next round", 45, "a rise", 255),
-    ],
+    sampled(
+        [
+            ("rise", 27, "no edge", 255),
+            ("rise", 27, "a fall", 255),
+            ("fall before the last round but one", 0, "no edge", 70),
+            ("fall in the last round but one", 20, "a rise", 70),
+            ("fall that takes over the next round", 27, "no edge", 255),
+            ("fall that takes over the next round", 45, "a rise", 255),
+        ],
+        2,
+    ),
 )
 def test_what_the_round_behind_an_edge_may_be_is_tried(
     text: str, edge: str, late: int, following: str, fine: int
@@ -151,116 +155,135 @@ def listing_of(text: str):  # type: ignore[no-untyped-def]
 
 @pytest.mark.parametrize(
     ("before", "after", "why"),
-    [
-        # TMR0 loses a cycle in each half of a round.
-        ("movlw   131 ", "movlw   130 ", "ends with TMR0 127 cycles ahead"),
-        # One of the paths of the last bits of the wait is a cycle longer.
-        ("btfsc   _t, 0\n    goto    $+1", "btfsc   _t, 0\n    nop", "is in cycle"),
-        # The look before an edge comes too late for a long one.
-        ("addlw   72", "addlw   88", "does not end within"),
-        # The fall is one interrupt early.
-        ("sublw   16", "sublw   15", "after the rise of a pulse"),
-        # The fall of a pulse of one round, and of no other, is an interrupt late.
-        (
-            "movwf   _ticks\n    sublw   16",
-            "movwf   _ticks\n    decf    _next_hi, W\n    btfsc   STATUS, 2\n    incf    _ticks, F\n"
-            "    movf    _ticks, W\n    sublw   16",
-            "^after the rise of a pulse of 1 round",
-        ),
-        # That of the widest pulse, and of no other, is an interrupt late.
-        (
-            "movwf   _ticks\n    sublw   16",
-            "movwf   _ticks\n    movf    _next_hi, W\n    xorlw   8\n    btfsc   STATUS, 2\n"
-            "    incf    _ticks, F\n    movf    _ticks, W\n    sublw   16",
-            "^after the rise of a pulse of 8 rounds",
-        ),
-        # A round's second interrupt ends too late for a rise in the next round.
-        (
-            "st_out:\n",
-            f"    btfss   _ticks, 0\n    goto    st_out\n{cycles(30)}st_out:\n",
-            "a rise is in cycle",
-        ),
-        # A bit's time.
-        ("movlw   104", "movlw   103", "the receiver's clock"),
-        # A bit is sampled too late.
-        ("st_data:\n", "st_data:\n" + "    nop\n" * 5, "a bit is sampled 3"),
-        # A start bit moves a pin.
-        ("movlw   10\n    movwf   _rx_bits", "movwf   PORTB\n    movwf   _rx_bits", "not its own"),
-        ("bcf     INTCON, 2           ; T0IF", "clrf    PORTB", "writes a port"),
-        # The width is not the one that the C prepared; a variable of the C is written.
-        (
-            "movf    _next_lo, W\n    movwf   _fine",
-            "movf    _next_hi, W\n    movwf   _fine",
-            "after the rise",
-        ),
-        ("movwf   _value", "movwf   _next_lo", "writes what is not its own"),
-        # There is no wait for the cycle of an edge.
-        ("call    st_exactly", "nop", "the interrupt's parts are not there"),
-        # Pins are written beside the edges, one of them the pin that answers.
-        (
-            "bcf     INTCON, 2           ; T0IF",
-            "bcf     INTCON, 2\n    bsf     PORTA, 2\n    bsf     PORTA, 3",
-            "^the word at 0x009 writes a port$",
-        ),
-        ("st_plain:\n", "st_plain:\n    bsf     PORTB, 0\n    bcf     PORTB, 0\n", "writes a port"),
-        ("st_sync:\n", "st_sync:\n    movf    PORTB, W\n    clrf    PORTB\n    movwf   PORTB\n", "its own"),
-        # A look at the line moves the time, or lets interrupts nest; a bit of the line is forgotten.
-        ("st_sync:\n", "st_sync:\n    movlw   10\n    addwf   TMR0, F\n", "its own"),
-        ("    movwf   _command\n    return", "    movwf   _command\n    retfie", "ends the interrupt"),
-        ("st_plain:\n", "st_plain:\n    clrf    _todo\n", "not the interrupt's"),
-        # Beside a rise a pulse is asked for.
-        ("st_plain:\n", "st_plain:\n    bsf     _due, 1\n", "beside a rise"),
-        # No rise writes the pin.
-        ("btfsc   STATUS, 2\n    movf    _mask, W", "goto    $+2\n    movf    _mask, W", "jumps to an edge"),
-        # A flag is cleared that may not be set yet, or is that of another overflow.
-        (
-            "btfss   _fine, 7\n    goto    st_early",
-            "btfss   _fine, 6\n    goto    st_early",
-            "T0IF is cleared",
-        ),
-        ("goto    st_out              ; found", "bcf     INTCON, 2", "T0IF is cleared"),
-        # The oscillator stops; pins are turned round; the rest of the interrupt is executed in bank 1.
-        ("bcf     INTCON, 2           ; T0IF", "sleep", "SLEEP at 0x008 is not followed"),
-        ("bcf     INTCON, 2           ; T0IF", "tris    PORTB", "TRIS at 0x008 is not followed"),
-        (
-            "bcf     INTCON, 2           ; T0IF",
-            "movlw   0x20\n    movwf   STATUS",
-            "the word at 0x009 writes what is not the interrupt's",
-        ),
-        # What is done depends on how many interrupts are left until the edge, beyond whether it is the last.
-        ("st_plain:\n", "st_plain:\n    btfsc   _ticks, 4\n    nop\n", "depends on how many"),
-        ("st_plain:\n", "st_plain:\n    movf    _ticks, W\n    movwf   _t\n", "depends on how many"),
-        ("st_over:\n", "st_over:\n    btfss   _ticks, 1\n    nop\n", "depends on how many"),
-        ("clrf    _rest\n", "btfss   _rest, 3\n    clrf    _rest\n", "depends on how many"),
-        (
-            "decf    _ticks, W\n    btfsc   STATUS, 2",
-            "decf    _ticks, W\n    movwf   _ticks",
-            "a fall: it ends",
-        ),
-        # The timer is read while it stands still, is set to run over, or is written otherwise than by adding.
-        (
-            "movlw   131\n    addwf   TMR0, F",
-            "movlw   131\n    addwf   TMR0, F\n    nop\n    nop\n    movf    TMR0, W",
-            "read while it does not count",
-        ),
-        ("movlw   131 ", "movlw   255 ", "overflows because it is written"),
-        ("st_late:\n", "st_late:\n    clrf    TMR0\n", "written by an instruction that is not followed"),
-        ("st_late:\n", "st_late:\n    decfsz  TMR0, W\n", "written by an instruction that is not followed"),
-        # Of the registers and of the C's variables only some bits are the interrupt's.
-        ("st_plain:\n", "st_plain:\n    bcf     INTCON, 5\n", "not the interrupt's"),
-        ("st_plain:\n", "st_plain:\n    bsf     STATUS, 5\n", "not the interrupt's"),
-        ("st_plain:\n", "st_plain:\n    bcf     _due, 1\n", "not the interrupt's"),
-        ("st_plain:\n", "st_plain:\n    movwf   _rx_left\n", "not the interrupt's"),
-        ("st_plain:\n", "st_plain:\n    xorwf   STATUS, F\n", "not the interrupt's"),
-        ("btfss   _due, 1\n    goto    st_fall", "nop\n    goto    $+1", "not the interrupt's"),
-        ("st_sync:\n", "st_sync:\n    bsf     STATUS, 5\n", "its own"),
-        ("st_sync:\n", "st_sync:\n    clrf    _ticks\n", "its own"),
-        # A fall leaves the port as it is, or another byte than a port is written.
-        ("movlw   0\n    btfsc   STATUS, 2", "movlw   1\n    btfsc   STATUS, 2", "does not clear the port"),
-        ("movwf   PORTB               ; the edge", "movwf   _mask", "not written to a port"),
-        # The pin is not the one that the C prepared.
-        ("movf    _mask, W", "movf    _value, W", "does not write the pin"),
-    ],
+    sampled(
+        [
+            # TMR0 loses a cycle in each half of a round.
+            ("movlw   131 ", "movlw   130 ", "ends with TMR0 127 cycles ahead"),
+            # One of the paths of the last bits of the wait is a cycle longer.
+            ("btfsc   _t, 0\n    goto    $+1", "btfsc   _t, 0\n    nop", "is in cycle"),
+            # The look before an edge comes too late for a long one.
+            ("addlw   72", "addlw   88", "does not end within"),
+            # The fall is one interrupt early.
+            ("sublw   16", "sublw   15", "after the rise of a pulse"),
+            # The fall of a pulse of one round, and of no other, is an interrupt late.
+            (
+                "movwf   _ticks\n    sublw   16",
+                "movwf   _ticks\n    decf    _next_hi, W\n    btfsc   STATUS, 2\n    incf    _ticks, F\n"
+                "    movf    _ticks, W\n    sublw   16",
+                "^after the rise of a pulse of 1 round",
+            ),
+            # That of the widest pulse, and of no other, is an interrupt late.
+            (
+                "movwf   _ticks\n    sublw   16",
+                "movwf   _ticks\n    movf    _next_hi, W\n    xorlw   8\n    btfsc   STATUS, 2\n"
+                "    incf    _ticks, F\n    movf    _ticks, W\n    sublw   16",
+                "^after the rise of a pulse of 8 rounds",
+            ),
+            # A round's second interrupt ends too late for a rise in the next round.
+            (
+                "st_out:\n",
+                f"    btfss   _ticks, 0\n    goto    st_out\n{cycles(30)}st_out:\n",
+                "a rise is in cycle",
+            ),
+            # A bit's time.
+            ("movlw   104", "movlw   103", "the receiver's clock"),
+            # A bit is sampled too late.
+            ("st_data:\n", "st_data:\n" + "    nop\n" * 5, "a bit is sampled 3"),
+            # A start bit moves a pin.
+            ("movlw   10\n    movwf   _rx_bits", "movwf   PORTB\n    movwf   _rx_bits", "not its own"),
+            ("bcf     INTCON, 2           ; T0IF", "clrf    PORTB", "writes a port"),
+            # The width is not the one that the C prepared; a variable of the C is written.
+            (
+                "movf    _next_lo, W\n    movwf   _fine",
+                "movf    _next_hi, W\n    movwf   _fine",
+                "after the rise",
+            ),
+            ("movwf   _value", "movwf   _next_lo", "writes what is not its own"),
+            # There is no wait for the cycle of an edge.
+            ("call    st_exactly", "nop", "the interrupt's parts are not there"),
+            # Pins are written beside the edges, one of them the pin that answers.
+            (
+                "bcf     INTCON, 2           ; T0IF",
+                "bcf     INTCON, 2\n    bsf     PORTA, 2\n    bsf     PORTA, 3",
+                "^the word at 0x009 writes a port$",
+            ),
+            ("st_plain:\n", "st_plain:\n    bsf     PORTB, 0\n    bcf     PORTB, 0\n", "writes a port"),
+            (
+                "st_sync:\n",
+                "st_sync:\n    movf    PORTB, W\n    clrf    PORTB\n    movwf   PORTB\n",
+                "its own",
+            ),
+            # A look at the line moves the time, or lets interrupts nest; a bit of the line is forgotten.
+            ("st_sync:\n", "st_sync:\n    movlw   10\n    addwf   TMR0, F\n", "its own"),
+            ("    movwf   _command\n    return", "    movwf   _command\n    retfie", "ends the interrupt"),
+            ("st_plain:\n", "st_plain:\n    clrf    _todo\n", "not the interrupt's"),
+            # Beside a rise a pulse is asked for.
+            ("st_plain:\n", "st_plain:\n    bsf     _due, 1\n", "beside a rise"),
+            # No rise writes the pin.
+            (
+                "btfsc   STATUS, 2\n    movf    _mask, W",
+                "goto    $+2\n    movf    _mask, W",
+                "jumps to an edge",
+            ),
+            # A flag is cleared that may not be set yet, or is that of another overflow.
+            (
+                "btfss   _fine, 7\n    goto    st_early",
+                "btfss   _fine, 6\n    goto    st_early",
+                "T0IF is cleared",
+            ),
+            ("goto    st_out              ; found", "bcf     INTCON, 2", "T0IF is cleared"),
+            # The oscillator stops; pins are turned round; the rest of the interrupt is executed in bank 1.
+            ("bcf     INTCON, 2           ; T0IF", "sleep", "SLEEP at 0x008 is not followed"),
+            ("bcf     INTCON, 2           ; T0IF", "tris    PORTB", "TRIS at 0x008 is not followed"),
+            (
+                "bcf     INTCON, 2           ; T0IF",
+                "movlw   0x20\n    movwf   STATUS",
+                "the word at 0x009 writes what is not the interrupt's",
+            ),
+            # What is done depends on how many interrupts are left until the edge, not only on the last.
+            ("st_plain:\n", "st_plain:\n    btfsc   _ticks, 4\n    nop\n", "depends on how many"),
+            ("st_plain:\n", "st_plain:\n    movf    _ticks, W\n    movwf   _t\n", "depends on how many"),
+            ("st_over:\n", "st_over:\n    btfss   _ticks, 1\n    nop\n", "depends on how many"),
+            ("clrf    _rest\n", "btfss   _rest, 3\n    clrf    _rest\n", "depends on how many"),
+            (
+                "decf    _ticks, W\n    btfsc   STATUS, 2",
+                "decf    _ticks, W\n    movwf   _ticks",
+                "a fall: it ends",
+            ),
+            # The timer is read while it stands still, set to run over, or written otherwise than by adding.
+            (
+                "movlw   131\n    addwf   TMR0, F",
+                "movlw   131\n    addwf   TMR0, F\n    nop\n    nop\n    movf    TMR0, W",
+                "read while it does not count",
+            ),
+            ("movlw   131 ", "movlw   255 ", "overflows because it is written"),
+            ("st_late:\n", "st_late:\n    clrf    TMR0\n", "written by an instruction that is not followed"),
+            (
+                "st_late:\n",
+                "st_late:\n    decfsz  TMR0, W\n",
+                "written by an instruction that is not followed",
+            ),
+            # Of the registers and of the C's variables only some bits are the interrupt's.
+            ("st_plain:\n", "st_plain:\n    bcf     INTCON, 5\n", "not the interrupt's"),
+            ("st_plain:\n", "st_plain:\n    bsf     STATUS, 5\n", "not the interrupt's"),
+            ("st_plain:\n", "st_plain:\n    bcf     _due, 1\n", "not the interrupt's"),
+            ("st_plain:\n", "st_plain:\n    movwf   _rx_left\n", "not the interrupt's"),
+            ("st_plain:\n", "st_plain:\n    xorwf   STATUS, F\n", "not the interrupt's"),
+            ("btfss   _due, 1\n    goto    st_fall", "nop\n    goto    $+1", "not the interrupt's"),
+            ("st_sync:\n", "st_sync:\n    bsf     STATUS, 5\n", "its own"),
+            ("st_sync:\n", "st_sync:\n    clrf    _ticks\n", "its own"),
+            # A fall leaves the port as it is, or another byte than a port is written.
+            (
+                "movlw   0\n    btfsc   STATUS, 2",
+                "movlw   1\n    btfsc   STATUS, 2",
+                "does not clear the port",
+            ),
+            ("movwf   PORTB               ; the edge", "movwf   _mask", "not written to a port"),
+            # The pin is not the one that the C prepared.
+            ("movf    _mask, W", "movf    _value, W", "does not write the pin"),
+        ],
+        16,
+    ),
 )
 def test_a_changed_interrupt_is_noticed(text: str, before: str, after: str, why: str) -> None:
     changed = text.replace(before, after)

@@ -651,6 +651,7 @@ def test_main_and_an_interrupt_together_fit_the_stack() -> None:
         assert fault(one.stack) == text
 
 
+@pytest.mark.campaign
 def test_a_fault_that_no_idle_line_shows_has_a_counterexample(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -25,6 +25,7 @@ from servogen.traces.captures import capture_writer
 from servogen.units import Clock, Cycles
 from servogen.workflows import planned
 from servogen.workflows.reporting import ReportPage, page_of
+from tests.campaigns import sampled
 
 ROOT = Path(__file__).parents[2]
 
@@ -202,7 +203,7 @@ def test_a_tables_place_in_the_c_is_told_and_not_its_label() -> None:
     assert next(iter(costs(Listing((), (listed,)))))[0] == "table KEYFRAME, main.c2c.c:42"
 
 
-@pytest.mark.parametrize("fail_safe", ["hold", "off"])
+@pytest.mark.parametrize("fail_safe", sampled(["hold", "off"]))
 def test_a_stream_job_has_a_page_of_its_neutral_pose(tmp_path: Path, fail_safe: str) -> None:
     job = tmp_path / "job.toml"
     job.write_text(JOB.split("[motion]")[0] + f'[stream]\nfail_safe = "{fail_safe}"\n')

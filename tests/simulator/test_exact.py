@@ -19,6 +19,7 @@ import pytest
 from servogen import native
 from servogen.pic.image import Image
 from servogen.simulator import LevelChange, Machine, Recorded, SimulatorOptions, Stimuli, core
+from tests.campaigns import sampled
 from tests.simulator.helpers import CLOCK
 from tests.simulator.programs import random_stimuli, tame_image, timed_image, wild_image
 from tests.simulator.reference import Chip, number
@@ -83,7 +84,7 @@ def seen(machine: Machine) -> dict[str, object]:
     return {name: getattr(state, name) for name in names} | {"fingerprint": machine.fingerprint()}
 
 
-@pytest.mark.parametrize("batch", range(IMAGES // BATCH))
+@pytest.mark.parametrize("batch", sampled(range(IMAGES // BATCH), 2))
 def test_running_fast_is_the_same_as_single_steps(batch: int) -> None:
     for case in cases(batch):
         fast, slow = case.machine(), case.machine()
@@ -140,7 +141,7 @@ ALTERED = {
 """Where the C is altered: the file, what stands there, and what then does."""
 
 
-@pytest.mark.parametrize("what", ALTERED)
+@pytest.mark.parametrize("what", sampled(ALTERED))
 def test_an_altered_simulator_is_found(what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file, text, other = ALTERED[what]
     shutil.copytree(core.NATIVE.folder, tmp_path / "core", ignore=shutil.ignore_patterns("*.so"))

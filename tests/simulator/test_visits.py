@@ -7,12 +7,13 @@ import pytest
 
 from servogen.edges import join
 from servogen.simulator import layout as at
+from tests.campaigns import sampled
 from tests.simulator.test_exact import CYCLES, cases, rows, seen, timed_cases
 
 NAMES = {"CYCLE": "cycles", "PC": "pc", "W": "w", "STATUS": "status"}
 
 
-@pytest.mark.parametrize("few", [True, False])
+@pytest.mark.parametrize("few", sampled([True, False]))
 def test_a_visit_is_the_state_at_a_stop(few: bool) -> None:
     found, count = 0, 10 if few else 6
     for case in [*cases(0)[:count], *timed_cases()[:count]]:

@@ -21,6 +21,7 @@ from servogen.bench.virtual.board import BoardOptions, VirtualBoard
 from servogen.bench.virtual.chip import VirtualChip
 from servogen.programs import clock_of, read_program
 from tests.bench.conftest import Serve, serve  # noqa: F401 - a fixture
+from tests.campaigns import sampled
 from tests.testing.page import INPUTS, PROGRAMS, TESTS, bench_options, rig, write
 from tests.testing.test_page import BROKEN, number_of_tests, run
 
@@ -48,7 +49,7 @@ def bench_of(
     )
 
 
-@pytest.mark.parametrize("name", [name.removesuffix(".c") for name in PROGRAMS])
+@pytest.mark.parametrize("name", sampled([name.removesuffix(".c") for name in PROGRAMS], 3))
 def test_an_example_runs_on_the_bench(name: str, pytester: pytest.Pytester, serve: Serve) -> None:  # noqa: F811
     write(pytester.path, PROGRAMS, {f"test_{name}.py": TESTS[f"test_{name}.py"]})
     result = run(pytester, *bench_of(serve, pytester.path / f"{name}.c"))
@@ -88,6 +89,7 @@ def test_an_input_that_comes_late_is_an_error_not_a_verdict(
     result.stdout.fnmatch_lines(["*RB0 did not become 0 at * ms of the run, nor within 3 ms of it*"])
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(not find_spec("picpro"), reason="picpro is not installed: pip install picpro")
 def test_the_programmer_reads_the_eeprom_that_the_program_wrote(pytester: pytest.Pytester) -> None:
     """On `servogen rig`: the program is put onto the chip, runs three times, and its EEPROM is read back."""

@@ -17,6 +17,7 @@ from servogen.kinematics.statics import gravity_torques
 from servogen.twin import Ground, TwinSettings, Variation, bodies
 from servogen.twin.bodies import FOOT_RADIUS_M
 from servogen.twin.causes import EventKind
+from tests.campaigns import sampled
 from tests.twin.walking import JOBS, firmware
 
 mujoco = pytest.importorskip("mujoco", reason="the twin's physics needs MuJoCo: pip install 'servogen[twin]'")
@@ -189,7 +190,7 @@ def test_a_base_on_a_step_is_refused() -> None:
         bodies(robot("omni"), ground=Ground(step=0.01))
 
 
-@pytest.mark.parametrize(("name", "within"), [("scara-pick", 0.008), ("rvm1-program", 0.008)])
+@pytest.mark.parametrize(("name", "within"), sampled([("scara-pick", 0.008), ("rvm1-program", 0.008)]))
 def test_the_tool_of_an_arm_rests_where_it_should(name: str, within: float) -> None:
     """2 µs of dead band are 0.36° of an S3001 over gears and 0.7 m of reach: 7 mm at the SCARA's tool."""
     made = firmware((JOBS / f"{name}.toml").read_text())

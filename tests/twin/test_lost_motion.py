@@ -27,6 +27,7 @@ def test_without_compensation_it_falls_short() -> None:
     assert share_of_way(False) < 0.94
 
 
+@pytest.mark.campaign
 def test_a_turn_of_180_degrees_is_one_within_8() -> None:
     seen = walking(TURN, extra=SUPPLIED).twin(TwinSettings(ground=Ground(1.0)))
     assert math.degrees(seen.done[2]) == pytest.approx(180, abs=8)

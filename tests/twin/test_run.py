@@ -13,6 +13,7 @@ from servogen.errors import InputError
 from servogen.twin import Ground, TwinSettings, TwinVerdict
 from servogen.twin.causes import EventKind
 from servogen.twin.world import World
+from tests.campaigns import sampled
 from tests.twin.walking import AHEAD, SUPPLIED, walking
 
 
@@ -28,7 +29,7 @@ def test_the_tripod_goes_95_to_102_percent_of_its_way(ahead: TwinVerdict) -> Non
     assert ahead.passed and ahead.events == ()
 
 
-@pytest.mark.parametrize("chunk_ms", [1, 7])
+@pytest.mark.parametrize("chunk_ms", sampled([1, 7]))
 def test_the_length_of_the_chunks_changes_nothing(ahead: TwinVerdict, chunk_ms: int) -> None:
     other = walking(AHEAD, extra=SUPPLIED).twin(TwinSettings(chunk_ms=chunk_ms))
     assert other.record.digest() == ahead.record.digest()
@@ -40,6 +41,7 @@ def test_another_ground_changes_the_run(ahead: TwinVerdict) -> None:
     assert other.record.digest() != ahead.record.digest()
 
 
+@pytest.mark.campaign
 def test_half_the_step_gives_the_same_way(ahead: TwinVerdict) -> None:
     half = walking(AHEAD, extra=SUPPLIED).twin(TwinSettings(steps_per_ms=2))
     assert half.done[0] == pytest.approx(ahead.done[0], rel=0.02)
@@ -126,7 +128,7 @@ def test_twelve_stalled_servos_at_a_supply_of_3_5_a() -> None:
     assert not any("limit" in event.text for event in plenty.events)
 
 
-@pytest.mark.parametrize("steps_per_ms", [1, 2])
+@pytest.mark.parametrize("steps_per_ms", sampled([1, 2]))
 def test_the_energies_of_a_walk_add_up(ahead: TwinVerdict, steps_per_ms: int) -> None:
     """What comes from the supply is heat in copper and gears, goes into contacts, or is in the bodies.
 
@@ -145,6 +147,7 @@ def test_the_energies_of_a_walk_add_up(ahead: TwinVerdict, steps_per_ms: int) ->
         assert seen.record.digest() == ahead.record.digest(), "keeping the account changes nothing"
 
 
+@pytest.mark.campaign
 def test_a_lighter_foot_friction_and_a_moved_centre_change_little() -> None:
     from servogen.twin import Variation
 
@@ -184,6 +187,7 @@ def test_a_run_ends_where_the_physics_diverges(monkeypatch: pytest.MonkeyPatch) 
     assert error.value.code == "unstable"
 
 
+@pytest.mark.campaign
 def test_a_slope_and_rough_ground_cost_way() -> None:
     made = walking(AHEAD, extra=SUPPLIED)
     flat = made.twin()

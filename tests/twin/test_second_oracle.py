@@ -7,6 +7,7 @@ import pytest
 pytest.importorskip("mujoco", reason="the twin's physics needs MuJoCo: pip install 'servogen[twin]'")
 
 from servogen.twin import TwinSettings, TwinVerdict
+from tests.campaigns import sampled
 from tests.twin.walking import AHEAD, CURVE, SUPPLIED, TURN, WALK, rigid_end, walking
 
 Pose = tuple[float, float, float]
@@ -23,14 +24,14 @@ def planned_end(verdict: TwinVerdict) -> Pose:
     return x, y, yaw
 
 
-@pytest.mark.parametrize("route", [WALK, TURN, CURVE])
+@pytest.mark.parametrize("route", sampled([WALK, TURN, CURVE]))
 def test_with_the_joint_angles_of_the_physics_it_goes_where_the_physics_goes(route: str) -> None:
     seen = walking(route, extra=SUPPLIED).twin()
     way, turn = apart(rigid_end(seen), seen.done)
     assert way <= 5 and turn <= 3
 
 
-@pytest.mark.parametrize("route", [WALK, TURN])
+@pytest.mark.parametrize("route", sampled([WALK, TURN]))
 def test_the_path_of_the_plan_is_the_one_of_the_physics(route: str) -> None:
     """Of the curve it is not: where joints lag, the direction of all that follows changes."""
     seen = walking(route, extra=SUPPLIED).twin()

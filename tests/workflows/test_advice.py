@@ -157,6 +157,7 @@ def test_a_part_takes_what_the_motion_grows_by_with_it() -> None:
     assert abs(turn.bytes - (both.bytes - one.bytes)) <= 12
 
 
+@pytest.mark.campaign
 def test_each_change_that_is_said_to_fit_a_walk_does() -> None:
     error = refused(LONG)
     assert error.code == "does-not-fit" and error.hint is not None
@@ -187,6 +188,7 @@ def test_each_change_that_is_said_to_fit_a_walk_does() -> None:
     assert f"segment 2 (turn_deg = 20): {turn['bytes']} of {advice['motion_bytes']} bytes" in fits
 
 
+@pytest.mark.campaign
 def test_a_walk_on_command_that_does_not_fit_has_changes_that_do() -> None:
     text = (ROOT / "jobs" / "hexapod-command.toml").read_text().replace('gait = "tripod"', 'gait = "wave"')
     error = refused(text)

@@ -33,6 +33,7 @@ from servogen.workflows.retarget import (
     _Write,
     tune_to,
 )
+from tests.campaigns import sampled
 from tests.workflows.other_compilers import other_compiler, sdcc, sdcc_compiled
 
 ROOT = Path(__file__).parent.parent.parent
@@ -73,11 +74,14 @@ def tuned(name: str, dialect: str, compiler: object, rounds: int = 2) -> Rounds:
 
 @pytest.mark.parametrize(
     ("name", "dialect", "seed"),
-    [
-        *(("lab9-exercise", dialect, seed) for seed, dialect in enumerate(DIALECTS, 1)),
-        ("lab8-exercise", "sdcc", 1),
-        ("lab8-exercise", "xc8", 3),
-    ],
+    sampled(
+        [
+            *(("lab9-exercise", dialect, seed) for seed, dialect in enumerate(DIALECTS, 1)),
+            ("lab8-exercise", "sdcc", 1),
+            ("lab8-exercise", "xc8", 3),
+        ],
+        2,
+    ),
 )
 def test_what_tune_gives_is_exact_under_a_compiler_that_adds_cycles(
     name: str, dialect: str, seed: int

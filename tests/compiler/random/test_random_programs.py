@@ -8,6 +8,7 @@ import pytest
 
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
+from tests.campaigns import sampled
 from tests.compiler.random.compare import Outcome, compare, host, stores, target
 from tests.compiler.random.generate import generate
 from tests.compiler.random.host_c import PRELUDE
@@ -41,12 +42,12 @@ from tests.compiler.random.typing_rules import common, literal
 BATCH, BATCHES = 25, 3
 
 
-@pytest.mark.parametrize("number", range(BATCHES))
+@pytest.mark.parametrize("number", sampled(range(BATCHES)))
 def test_both_compilers_agree(number: int) -> None:
     assert_same(programs_from(1_000_000 + number * BATCH), least=0.8)
 
 
-@pytest.mark.parametrize(("level", "least"), [("none", 0.5), ("size", 0.8)])
+@pytest.mark.parametrize(("level", "least"), sampled([("none", 0.5), ("size", 0.8)]))
 def test_both_agree_at_every_level(level: str, least: float) -> None:
     programs = [replace(each, level=level) for each in programs_from(2_000_000)]
     assert_same(programs, least=least)

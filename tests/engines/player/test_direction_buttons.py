@@ -40,6 +40,7 @@ from servogen.simulator import Levels, Machine, SimulatorOptions, Stimuli
 from servogen.units import Cycles
 from servogen.verify import Verdict, verify
 from servogen.workflows.engines import PlayedJob, planned
+from tests.campaigns import sampled
 
 ROBOT = """
 name = "two"
@@ -226,7 +227,7 @@ def random_hands(rng: np.random.Generator, frames: int, names: tuple[str, ...]) 
     return found[:frames]
 
 
-@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize("dialect", sampled(DIALECTS))
 def test_random_hands_walk_as_the_rules_say(dialect: str) -> None:
     image = made(dialect, FOUR)[1].compilation.image
     held = random_hands(np.random.default_rng(len(dialect)), 1200, tuple(PINS_OF))
@@ -273,6 +274,7 @@ def test_buttons_to_vdd_are_pressed_while_their_pins_are_high() -> None:
     assert shown(schedule, firmware.compilation.image, held, pressed=1).passed
 
 
+@pytest.mark.campaign
 def test_every_press_is_proven_and_the_certificate_is_valid() -> None:
     schedule, image = schedule_of(), made()[1].compilation.image
     proof = prove_for_all(image, schedule)
@@ -284,7 +286,7 @@ def test_every_press_is_proven_and_the_certificate_is_valid() -> None:
     assert checked.states == claim.count > 1000
 
 
-@pytest.mark.parametrize(("old", "new"), [(3, 2), (8, 6)])
+@pytest.mark.parametrize(("old", "new"), sampled([(3, 2), (8, 6)]))
 def test_a_changed_word_is_refuted_with_a_counterexample(old: int, new: int) -> None:
     """A press counts after other numbers of frames; the button of left, twice 4, walks right, twice 3."""
     schedule, compilation = schedule_of(), made()[1].compilation
@@ -391,7 +393,7 @@ def test_twelve_servos_leave_a_pin_for_one_button() -> None:
 ONE = 'button = "RB7"'
 
 
-@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize("dialect", sampled(DIALECTS))
 def test_one_button_steps_through_the_directions(dialect: str) -> None:
     found, firmware = made(dialect, TWO, BUTTONS, ONE)
     schedule, image = found.plan.schedule, firmware.compilation.image

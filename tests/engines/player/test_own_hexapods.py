@@ -21,6 +21,7 @@ def drawn() -> list[Robot]:
     return robots(10, 1)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("number", [4, 9])
 def test_a_robot_drawn_at_random_with_a_button_is_built_and_proven(number: int) -> None:
     """`python -m tests.engines.player.own_robots` does it with 200."""
@@ -31,6 +32,7 @@ def test_a_robot_drawn_at_random_with_a_button_is_built_and_proven(number: int) 
     assert done.exact and done.error.width_us <= 10
 
 
+@pytest.mark.campaign
 def test_a_robot_that_does_not_fit_is_refused_with_a_reason() -> None:
     robot = drawn()[1]
     route = re.search(r"route = \[(.*)\]\n", robot.job)

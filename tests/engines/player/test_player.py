@@ -12,6 +12,7 @@ from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES
 from servogen.simulator import Machine
 from servogen.units import Cycles
 from servogen.workflows import judge_edges, planned, running
+from tests.campaigns import sampled
 from tests.engines.player.player_jobs import (
     ROOT,
     built,
@@ -27,7 +28,7 @@ from tests.engines.player.player_jobs import (
 TRIPOD = (ROOT / "jobs" / "hexapod-tripod.toml").read_text()
 
 
-@pytest.mark.parametrize("name", ["hexapod-tripod", "hexapod-ripple", "hexapod-wave"])
+@pytest.mark.parametrize("name", sampled(["hexapod-tripod", "hexapod-ripple", "hexapod-wave"]))
 def test_a_whole_hexapod_is_exact_on_one_chip_in_every_dialect(name: str) -> None:
     done = built(name)
     assert done.engine == "player"

@@ -15,6 +15,7 @@ from servogen.units import Cycles
 from servogen.verify import Verdict, verify
 from servogen.workflows import judge_edges, running
 from servogen.workflows.verification import motion_cycles
+from tests.campaigns import sampled
 from tests.engines.player.player_jobs import built, built_text, job_text, sweep, trimmed, widths
 
 WDT_ON = 0x0004
@@ -72,7 +73,9 @@ def test_a_reset_cuts_pulses_short_and_lengthens_none() -> None:
 
 @pytest.mark.parametrize(
     ("name", "watchdog_us"),
-    [("hexapod-tripod", 7000), ("hexapod-tripod", 18_000), ("hexapod-turn", 7000), ("scara-pick", 7000)],
+    sampled(
+        [("hexapod-tripod", 7000), ("hexapod-tripod", 18_000), ("hexapod-turn", 7000), ("scara-pick", 7000)]
+    ),
 )
 def test_a_watchdog_that_was_left_on_changes_no_edge(name: str, watchdog_us: int) -> None:
     # 7 ms is the shortest that a chip may have (DS35007 section 9, parameter 31).

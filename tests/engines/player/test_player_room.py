@@ -13,6 +13,7 @@ from servogen.pic.isa import decode
 from servogen.workflows import planned
 from servogen.workflows.job_build import Build, judged, report
 from servogen.workflows.verification import checked_cycles
+from tests.campaigns import sampled
 from tests.engines.player.player_jobs import built, built_text, job_text, sweep
 from tests.engines.player.test_player_kernel import VARIABLES, assembled, ram
 from tests.engines.player.test_player_kernel import label as label_of_assembled
@@ -34,7 +35,7 @@ def slower(cycles: int) -> Build:
     return replace(done, programs=(judged(schedule, made, checked_cycles(schedule)),))
 
 
-@pytest.mark.parametrize("name", ["hexapod-tripod", "hexapod-turn", "scara-pick"])
+@pytest.mark.parametrize("name", sampled(["hexapod-tripod", "hexapod-turn", "scara-pick"], 2))
 def test_no_slot_and_no_frame_takes_longer_than_the_bound(name: str) -> None:
     done = built(name)
     schedule = done.plan.schedule
@@ -93,7 +94,7 @@ def test_every_kept_job_has_time_left_in_every_dialect() -> None:
             assert not program.firmware.warnings
 
 
-@pytest.mark.parametrize(("mhz", "servos"), [(1, 6), (2, 9), (2, 10), (4, 11)])
+@pytest.mark.parametrize(("mhz", "servos"), sampled([(1, 6), (2, 9), (2, 10), (4, 11)], 2))
 def test_the_tightest_frames_have_time_for_buttons_and_pauses_too(mhz: int, servos: int) -> None:
     motion = sweep(servos, 1.28).replace("move_s = 1.28 },\n]", "move_s = 1.28, pause_s = 0.2 },\n]")
     firmware = 'soft_start_s = 0.16\nstart_pin = "RA4"\nstop_pin = "RA3"'

@@ -242,6 +242,7 @@ def test_a_kernel_that_takes_every_slot_for_late_has_no_theorem() -> None:
         allowances(early, played.layout)  # type: ignore[attr-defined]
 
 
+@pytest.mark.campaign
 def test_every_hostile_build_of_a_sample_is_exact_or_sets_the_bit() -> None:
     found = Counter(outcome(seed) for seed in range(40))
     assert not [result for result in found if result.isupper() or result.startswith("FAULT")]

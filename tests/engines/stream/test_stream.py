@@ -38,6 +38,7 @@ from servogen.verify import verify
 from servogen.workflows import build, judge_edges, planned, running
 from servogen.workflows.job_build import Build, judged, report
 from servogen.workflows.verification import checked_cycles, judge_forever, motion_cycles
+from tests.campaigns import sampled
 from tests.engines.stream import stream_soak
 from tests.engines.stream.chip_model import Chip, schedule, widths
 from tests.engines.stream.stream_line import Line, group, talk
@@ -74,7 +75,7 @@ def pulses(chunk: EdgeChunk, pin: str) -> tuple[np.ndarray, np.ndarray]:
     return cycle[: 2 * count : 2], cycle[1 : 2 * count : 2] - cycle[: 2 * count : 2]
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", sampled(NAMES))
 def test_a_stream_job_is_proven_in_all_dialects_and_fits_the_chip(name: str) -> None:
     done = built(name)
     assert done.engine == "stream" and done.exact
@@ -85,7 +86,8 @@ def test_a_stream_job_is_proven_in_all_dialects_and_fits_the_chip(name: str) -> 
 
 
 @pytest.mark.parametrize(
-    ("name", "dialect"), [*((name, "c2c") for name in NAMES), ("stream-eight", "xc8"), ("stream-arm", "sdcc")]
+    ("name", "dialect"),
+    sampled([*((name, "c2c") for name in NAMES), ("stream-eight", "xc8"), ("stream-arm", "sdcc")], 2),
 )
 def test_a_random_line_moves_no_edge_by_a_cycle_and_no_command_is_lost(name: str, dialect: str) -> None:
     made = firmware(name, dialect)
@@ -99,7 +101,7 @@ def test_a_random_line_moves_no_edge_by_a_cycle_and_no_command_is_lost(name: str
 
 
 @pytest.mark.parametrize("error", [Fraction(-2, 100), Fraction(2, 100)])
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", sampled(NAMES))
 def test_a_sender_that_is_two_per_cent_off_is_understood_byte_for_byte(name: str, error: Fraction) -> None:
     made = firmware(name)
     line = line_of(made, 4)
@@ -358,7 +360,7 @@ TWO_PORTS = (
 )
 
 
-@pytest.mark.parametrize("dialect", ["c2c", "xc8", "sdcc"])
+@pytest.mark.parametrize("dialect", sampled(["c2c", "xc8", "sdcc"]))
 def test_servos_on_both_ports_are_exact(dialect: str) -> None:
     made = firmware_of(plan_job(loads(TWO_PORTS, "two-ports.toml")), dialect)
     line = line_of(made, 16)
@@ -367,7 +369,7 @@ def test_servos_on_both_ports_are_exact(dialect: str) -> None:
     assert verdict.passed, verdict.reasons
 
 
-@pytest.mark.parametrize("clock_hz", [4_000_000, 4_194_304, 8_000_000, 10_000_000])
+@pytest.mark.parametrize("clock_hz", sampled([4_000_000, 4_194_304, 8_000_000, 10_000_000], 2))
 def test_one_servo_at_other_clocks_is_exact(clock_hz: int) -> None:
     baud = 4800 if clock_hz > 8_000_000 - 1 else 2400
     text = (
@@ -468,7 +470,9 @@ def far_too_slow() -> tuple[str, ...]:
     return tuple(line.replace("waste", f"waste_{n}") for n in range(9) for line in waste(255))
 
 
-@pytest.mark.parametrize(("name", "turns"), [("stream-eight", 9), ("stream-arm", 60), ("stream-fast", 200)])
+@pytest.mark.parametrize(
+    ("name", "turns"), sampled([("stream-eight", 9), ("stream-arm", 60), ("stream-fast", 200)])
+)
 def test_a_pulse_could_take_the_c_longer_and_be_in_time(name: str, turns: int) -> None:
     # Long ways in few frames, all servos at once, on a line that is never silent for long; then far too slow.
     text = (JOBS / f"{name}.toml").read_text().replace('"off"', '"neutral"\nsilence_s = 0.12')

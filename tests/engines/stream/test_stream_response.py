@@ -18,6 +18,7 @@ from servogen.engines.stream.response import Response, response
 from servogen.job import loads, plan_job
 from servogen.pic.listing import Listing
 from servogen.simulator import Machine, Observation, Stimuli
+from tests.campaigns import sampled
 from tests.engines.stream.stream_line import talk
 from tests.engines.stream.stream_soak import JOBS, firmware_of, line_of
 
@@ -95,7 +96,7 @@ def slots_of(listing: Listing, rows: list[tuple[int, int]]) -> list[tuple[int, i
     return found
 
 
-@pytest.mark.parametrize("name", ["stream-arm", "stream-eight", "stream-fast"])
+@pytest.mark.parametrize("name", sampled(["stream-arm", "stream-eight", "stream-fast"]))
 def test_no_slot_of_a_busy_line_leaves_less_or_needs_more_than_the_bounds(name: str) -> None:
     program, rows = rows_of(name, {"stream-fast": 0.12}.get(name, 0.4), 5)
     found = slots_of(program.compilation.listing, rows)
@@ -111,7 +112,7 @@ def test_no_slot_of_a_busy_line_leaves_less_or_needs_more_than_the_bounds(name: 
     assert min(spent for spent, _ in found) <= 2 * one.room
 
 
-@pytest.mark.parametrize("dialect", ["c2c", "xc8", "sdcc"])
+@pytest.mark.parametrize("dialect", sampled(["c2c", "xc8", "sdcc"]))
 @pytest.mark.parametrize("name", ["stream-arm", "stream-eight", "stream-fast"])
 def test_every_pulse_is_prepared_in_time_for_every_line(name: str, dialect: str) -> None:
     budgets = firmware(name, dialect).timing_budgets
@@ -160,6 +161,7 @@ def test_a_request_may_come_at_the_beginning_of_a_long_turn_without_one() -> Non
     assert 50 <= long.prepare - usual.prepare <= 52
 
 
+@pytest.mark.campaign
 def test_every_way_through_masked_interrupts_counts() -> None:
     end = "bsf     0x08, 1             ; WR\n"
     assert bound_of(end, end).masked == 9

@@ -15,6 +15,7 @@ from servogen.programs import compile_program
 from servogen.simulator import Machine, Observation, SimulatorOptions
 from servogen.simulator.machine import Packed
 from servogen.units import Clock
+from tests.campaigns import sampled
 from tests.pic.analysis.containment import compared
 from tests.pic.analysis.programs import CLOCK, assembled, random_player, random_program
 
@@ -58,7 +59,7 @@ def spans(rows: Packed, start: int, end: int) -> list[int]:
     return found
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", sampled(range(20), 5))
 def test_no_run_leaves_the_paths_on_which_indices_are_kept_apart(seed: int) -> None:
     _, _, rows = observed(seed)
     words = assembled(random_program(seed)).image.program
@@ -69,7 +70,7 @@ def test_no_run_leaves_the_paths_on_which_indices_are_kept_apart(seed: int) -> N
     assert set(rows[:, 1].tolist()) <= paths.executed
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", sampled(range(60), 15))
 def test_no_run_exceeds_what_the_analysis_allows(seed: int) -> None:
     facts, machine, rows = observed(seed)
     state = machine.state()
@@ -141,7 +142,7 @@ def test_the_programs_of_the_law_reach_its_bounds() -> None:
     assert min(stack, least, most, unwritten) > 10, (stack, least, most, unwritten)
 
 
-@pytest.mark.parametrize(("seed", "decided"), [(0, True), (1, False)])
+@pytest.mark.parametrize(("seed", "decided"), sampled([(0, True), (1, False)]))
 def test_every_state_of_a_player_s_run_is_one_that_the_analysis_allows(seed: int, decided: bool) -> None:
     """The script of the second leads beyond its table."""
     run = compared(random_player(seed), seed, 250)
@@ -188,7 +189,7 @@ def periodic(**options: object) -> str:
     return PERIODIC.format(**{"test": IF_SET, "work": "nop", "option": 0x88, "turns": 20} | options)
 
 
-@pytest.mark.parametrize("added", [1, 9, 100, 156, 180])
+@pytest.mark.parametrize("added", sampled([1, 9, 100, 156, 180]))
 @pytest.mark.parametrize(("option", "turns"), [(0x88, 3), (0x88, 40), (0x88, 255), (0x80, 120)])
 @pytest.mark.parametrize("test", [IF_SET, IF_CLEAR])
 def test_an_interrupt_that_asks_for_its_flag_and_adds_to_tmr0_is_bounded(
