@@ -213,8 +213,8 @@ class _Part:
     def _steps(
         self, first: int, pose: int, ends: Whole, laws: Sequence[str], cost: Floats
     ) -> Iterator[tuple[int, int, str]]:
-        """Lower the cost of the nodes to which a step from one is the cheapest so far, and yield them, and the
-        law.
+        """Lower the cost of the nodes to which a step from this one is the cheapest so far, and yield them
+        with its law.
         """
         frames_still = self._frames_still(first, ends)
         columns = self.rows.shape[1]
