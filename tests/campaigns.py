@@ -7,7 +7,10 @@ import pytest
 
 
 def sampled(cases: Collection[Any], kept: int = 1) -> list[Any]:
-    """The cases; `make test` runs `kept` of them, the first and others evenly behind it, `make check` all."""
+    """The cases; `make test` runs `kept` of them, the first and others evenly behind it, `make check` all.
+
+    A case of several arguments is a tuple.
+    """
     every_change = {number * len(cases) // kept for number in range(kept)}
     return [
         case

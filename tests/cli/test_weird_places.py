@@ -22,8 +22,8 @@ def in_ascii(*args: object) -> subprocess.CompletedProcess[bytes]:
     return subprocess.run(command, capture_output=True, env=environment | {"PYTHONIOENCODING": "ascii"})
 
 
-@pytest.mark.parametrize("args", sampled([("--help",), ("check", JOB), ("gait",), ("check", "no µ.toml")]))
-def test_a_locale_without_a_sign_gets_another_in_its_place(args: tuple[object, ...]) -> None:
+@pytest.mark.parametrize("args", sampled([["--help"], ["check", JOB], ["gait"], ["check", "no µ.toml"]]))
+def test_a_locale_without_a_sign_gets_another_in_its_place(args: list[object]) -> None:
     ran = in_ascii(*args)
     assert ran.returncode == (2 if "no µ.toml" in args else 0), ran.stderr
     assert b"Traceback" not in ran.stderr
