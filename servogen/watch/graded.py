@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from servogen.edges import PINS
-from servogen.grade import page, shown_name
+from servogen.grade import page, page_names, shown_name
 from servogen.programs import within_limits
 from servogen.report.robot_model import servo_model
 from servogen.units import Cycles
@@ -40,9 +40,10 @@ def class_pages(task: GradingTask, names: Sequence[str], graded: Sequence[Graded
 
 def class_rooms(task: GradingTask, graded: Sequence[Graded]) -> dict[str, Room]:
     """Return a room for each program that could be run, by its folder below the token."""
+    names = page_names([result.submission.name for result in graded])
     return {
-        _folder(number): Room(partial(_subject, task, result))
-        for number, result in enumerate(graded)
+        _folder(number): Room(partial(_subject, task, result, film_name(name)))
+        for number, (result, name) in enumerate(zip(graded, names, strict=True))
         if _ran(result)
     }
 
@@ -63,8 +64,10 @@ def _film(task: GradingTask, result: Graded, link: str, nonce: str) -> str:
     return film_page(task.lab, result.submission, result.grade, link, nonce)
 
 
-def _subject(task: GradingTask, result: Graded, progress: Callable[[str], None]) -> Subject:
-    """Return a program on the lab's board, at the moment of its film. Raises InputError."""
+def _subject(
+    task: GradingTask, result: Graded, film_page_name: str, progress: Callable[[str], None]
+) -> Subject:
+    """Return a program on the lab's board, at the moment of its film, with its grade. Raises InputError."""
     lab, submission, film = task.lab, result.submission, result.grade.film
     progress("compiling")
     submission.require_readable()
@@ -74,6 +77,7 @@ def _subject(task: GradingTask, result: Graded, progress: Callable[[str], None])
         {**servo_model(one.servo, index), "pin": PINS.index(pins.get(one.servo.name, one.servo.pin))}
         for index, one in enumerate(lab.servos)
     ]
+    begin = Cycles(0 if film is None else round(film.moment_us / float(lab.clock.cycle_us)))
     return Subject(
         submission.file,
         lab.clock,
@@ -81,7 +85,14 @@ def _subject(task: GradingTask, result: Graded, progress: Callable[[str], None])
         program.image,
         program.listing,
         remarks=program.warnings,
-        begin=Cycles(0 if film is None else round(film.moment_us / float(lab.clock.cycle_us))),
+        begin=begin,
+        first_difference=None if film is None else begin,
         title=shown_name(submission.name),
         robot={"servos": servos, "ends": [], "body": [], "base": None},
+        graded={
+            "passed": result.grade.passed,
+            "task": f"{lab.title}. {lab.task}",
+            "reasons": result.grade.reasons,
+            "film": film_page_name if film else None,
+        },
     )

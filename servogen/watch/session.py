@@ -191,13 +191,15 @@ class WatchSession:
             "compared": bool(placed),
             "verdict": subject.verdict,
             "first_difference": subject.first_difference,
+            "graded": subject.graded,
             "robot": robot,
             "poses": subject.path.suffix.lower() == JOB_SUFFIX,
             "inputs": _inputs(subject),
             "serial": _serial(subject),
             "walk": _walk(subject),
             "marks": [_mark(remark) for remark in subject.remarks if remark.location],
-            "motion": motion_of(subject.job) if subject.job else None,
+            "motion": motion_of(subject.stated) if subject.stated else None,
+            "motion_begin": _motion_begin(subject),
             "parts": parts_of(subject.job) if subject.job else [],
             "listening": self.listener.model if self.listener else None,
             "has_bodies": subject.job is not None and subject.job.robot is not None,
@@ -868,6 +870,13 @@ def _robot(subject: Subject) -> Mapping[str, Any] | None:
     if subject.job is not None:
         return robot_model(subject.job)
     return None if subject.schedule is None else schedule_model(subject.schedule)
+
+
+def _motion_begin(subject: Subject) -> int:
+    """Return the number of frames that the engine plays before the job's own motion."""
+    if subject.job is None or subject.stated is None:
+        return 0
+    return len(subject.job.trajectory.angles) - len(subject.stated.trajectory.angles)
 
 
 def _servo_pins(subject: Subject) -> list[int]:

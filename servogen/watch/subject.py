@@ -82,7 +82,9 @@ class Subject:
     trace: EdgeTrace | None = None
     schedule: PulseSchedule | None = None
     job: PlannedJob | None = None
-    """The job that is watched or compared with."""
+    """The job that is watched or compared with, as its engine plays it."""
+    stated: PlannedJob | None = None
+    """The watched job as its text states it, without the frames that the engine puts before it."""
     wanted: tuple[ScheduledEdges, ...] = ()
     """The schedule's position in the trace: one, or one for each of several captures in one file."""
     first_difference: Cycles | None = None
@@ -95,6 +97,8 @@ class Subject:
     """What the pulses move; None: what the job or the schedule states."""
     remarks: tuple[Diagnostic, ...] = ()
     """The warnings of the compiler, or about a HEX file and the files beside it."""
+    graded: Mapping[str, object] | None = None
+    """How the program of a class was graded: the task, the reasons, the page of its film."""
 
     @property
     def name(self) -> str:
@@ -183,6 +187,7 @@ def job_subject(
         stimuli,
         schedule=schedule,
         job=engine_plan.job,
+        stated=job,
         remarks=firmware.warnings,
     )
     return _compared(subject, progress)

@@ -207,7 +207,9 @@ class Page {
     else this.waves = this.seen.waves = new Waves(byId("waves"), model, options);
     this.moment.use(model, this.waves);
     this.compared();
+    this.graded(model.graded);
     this.tools(model);
+    if (this.editor.changed) this.editor.check();   // its plan is another ghost beside this model
     this.ask();
   }
   // The chip, its source, the hands: of this model alone.
@@ -342,6 +344,11 @@ class Page {
     this.timeline.show(answer?.poses ?? null);
     if (!answer) { this.plan.known = false; return; }
     this.links.read(answer.poses);
+    const [first] = answer.poses;
+    if (first && !this.opened && document.activeElement !== this.editor.places.text) {
+      this.editor.reveal(first.line);   // what moves the robot is in sight at once
+    }
+    this.opened = true;
     this.plan.take(answer, this.model, this.editor);
     this.linked();
     this.picture();
@@ -349,6 +356,16 @@ class Page {
   change(change) {
     const angles = change.kind === "angles" ? { angles: this.hands?.angles } : {};
     this.send({ do: "pose", text: this.editor.text, ...change, ...angles });
+  }
+  // A program of a class: the task, why it was not passed, and the way back.
+  graded(grade) {
+    byId("graded").hidden = byId("task").hidden = !grade;
+    if (!grade) return;
+    byId("to-film").hidden = !grade.film;
+    if (grade.film) byId("to-film").href = `../../${encodeURIComponent(grade.film)}`;
+    write(byId("task-text"), grade.task);
+    byId("task-reasons").replaceChildren(...grade.reasons.map(reason => element("li", {}, reason)));
+    write(byId("difference"), "to what is wrong");
   }
   // What the comparison with the schedule says: of the run as it is now, or why it says nothing.
   compared() {
@@ -358,7 +375,10 @@ class Page {
     byId("difference").disabled = difference === null || !untouched;
     const right = difference === null, found = () => `first difference at ${at(difference, 100)}`;
     const own = () => `you intervened at ${at(since, 1e5)}: not compared from there`;
+    const more = ({ reasons }) => (reasons.length > 1 ? ` (and ${reasons.length - 1} more)` : "");
     const verdicts = [
+      [model.graded?.passed, "good", "passed", () => ""],
+      [model.graded, "bad", "NOT passed", () => `${model.graded.reasons[0]}${more(model.graded)}`],
       [!untouched, "open", "not compared", own],
       [model.verdict && right, "good", "agrees", () => model.verdict],
       [model.verdict, "bad", "does NOT agree", () => model.verdict],

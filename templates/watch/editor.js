@@ -164,7 +164,9 @@ export class Editor {
     const bad = new Map(placed.map(each => [each.line, each.severity]));
     this.numberLines(bad);
     this.mark();
-    this.places.problems.replaceChildren(...message.diagnostics.map(each => this.problem(each)));
+    const weight = each => ({ error: 0, warning: 1 }[each.severity] ?? 2);
+    const sorted = [...message.diagnostics].sort((one, other) => weight(one) - weight(other));
+    this.places.problems.replaceChildren(...sorted.map(each => this.problem(each)));
     this.good = message.good;
     this.buttons();
     if (message.good) this.posed(message);

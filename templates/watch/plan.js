@@ -18,14 +18,15 @@ export class Plan {
     else if (!other) editor.plan("");
     else {
       this.rows = motion.runs;
-      Object.assign(this, { first: motion.loop_start, frames: motion.frames });
+      Object.assign(this, { first: motion.loop_start, frames: motion.frames, begin: model.motion_begin });
       editor.plan(`planned: ${seconds}: the ghost shows it; build to run it`);
     }
   }
   // The angles in radians that it has in a frame of the motion that runs, null where a servo has no pulse.
   angles(frame, model) {
     if (!this.rows || frame === null) return null;
-    let left = frame;
+    let left = frame - this.begin;   // before it the engine leads in
+    if (left < 0) return null;
     if (left >= this.frames) {
       const loop = this.frames - this.first;
       left = loop ? this.first + (left - this.first) % loop : this.frames - 1;

@@ -69,7 +69,7 @@ def task() -> GradingTask:
 
 def test_it_is_said_that_a_program_is_being_compiled(graded: list[Graded]) -> None:
     said: list[str] = []
-    assert _subject(task(), graded[0], said.append).image.program
+    assert _subject(task(), graded[0], "ana.html", said.append).image.program
     assert said == ["compiling"]
 
 
@@ -263,7 +263,9 @@ def test_only_some_programs_are_loaded_at_a_time(running: Running, monkeypatch: 
         assert status(again)["name"] == "dan/main.c"
 
 
-def test_a_click_opens_a_students_program_where_it_is_wrong(running: Running, browser: Browser) -> None:
+def test_a_click_opens_a_students_program_where_it_is_wrong(
+    running: Running, browser: Browser, graded: list[Graded]
+) -> None:
     """From the class to the film to the chip; the program is run, stepped back, and keeps its place."""
     tab = browser.page()
     tab.open(running.server.url)
@@ -274,6 +276,11 @@ def test_a_click_opens_a_students_program_where_it_is_wrong(running: Running, br
     opened = browser.adopt(f"{running.server.url}watch/0/")
     opened.until("!document.getElementById('views').hidden && watched.latest && watched.waves.data")
     assert opened.run("document.title") == "ana/main.c · servogen"
+    assert opened.run("document.getElementById('verdict').textContent") == "NOT passed"
+    reason = graded[0].grade.reasons[0]
+    assert reason in opened.run("document.getElementById('difference-text').textContent")
+    assert reason in opened.run("document.getElementById('task-reasons').textContent")
+    assert "30" in opened.run("document.getElementById('task-text').textContent")
     begin = opened.run("watched.latest.cycle")
     assert opened.run("watched.robot.angles[0] * 180 / Math.PI") == pytest.approx(
         28.8, abs=0.5
@@ -287,6 +294,14 @@ def test_a_click_opens_a_students_program_where_it_is_wrong(running: Running, br
     opened.until("watched.latest?.cycle === 0 && document.title.startsWith('dan')")
     opened.open(f"{running.server.url}watch/0/")
     opened.until(f"watched.latest?.cycle === {here}")
+    opened.click("#difference")
+    opened.until(f"Math.abs(watched.latest.cycle - {begin}) < 3")
+    opened.click("#to-film")
+    wait(lambda: opened.run("location.href + (typeof film)") == f"{film}object")
+    opened.open(f"{running.server.url}watch/1/")
+    opened.until("document.getElementById('verdict').textContent === 'passed'")
+    opened.click("#graded a")
+    wait(lambda: opened.run("location.href") == running.server.url)
     for page in (tab, opened):
         assert page.problems == []
         addresses = [each for each in page.requests if not each.startswith("data:")]

@@ -98,6 +98,22 @@ def test_a_change_is_planned_while_it_is_typed_and_shown_as_a_ghost(watch: Open,
     page.until(f"Math.abs({degrees} - 30) < 0.2 && !document.getElementById('preview').textContent")
 
 
+def test_the_ghost_of_a_walk_is_that_of_its_text_also_behind_the_frames_that_lead_in(
+    watch: Open,  # noqa: F811
+    tmp_path: Path,
+) -> None:
+    """The engine stands the robot up first: an untouched text is no other plan, and a changed one is late."""
+    page = watch(copy(ROOT / "jobs" / "hexapod-tripod.toml", tmp_path))
+    page.until("document.querySelectorAll('#job-problems li').length > 0")
+    assert text(page, "#preview") == ""
+    go(page, 4_000_000)
+    scheduled = page.run("watched.robot.ghost")
+    typed(page, "lift_mm = 20", "lift_mm = 20.001")
+    page.until("document.getElementById('preview').textContent.includes('ghost')")
+    painted(page)
+    assert page.run("watched.robot.ghost") == pytest.approx(scheduled, abs=0.01)
+
+
 def test_a_pose_is_linked_in_text_timeline_and_waves(watch: Open, tmp_path: Path) -> None:  # noqa: F811
     """Lab 8: 30° for 2 s, 90° for 5 s, 120° for 3 s, in the lines 17 to 19 of its file."""
     page = watch(copy(LAB8, tmp_path))
