@@ -45,7 +45,7 @@ ASLEEP_S = 10
 """The maximum time that a step forwards waits for an instruction: the chip may sleep, or be held in reset."""
 LINE_S = 60
 """The maximum time that a step forwards waits for another source line."""
-BACK_SNAPSHOTS = 3000
+BACK_SNAPSHOTS = 500
 """The maximum number of snapshots that a step back by a line searches."""
 NEAR = 3
 """The cycles per instruction by which a step back first goes back."""
@@ -252,6 +252,8 @@ class TimeMachine:
 
         Return whether there was one.
         """
+        if not self.lines:
+            return False
         return self._next_line() if forwards else self._line_before()
 
     def step_edge(self, forwards: bool, pins: Set[int] = frozenset(), limit: int | None = None) -> bool:

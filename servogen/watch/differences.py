@@ -7,7 +7,7 @@ differ. It is for display: the verdict is that of `verify`.
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import accumulate
 from math import ceil
@@ -18,10 +18,11 @@ import numpy.typing as npt
 from servogen.edges import HIGH, LOW, PINS, Driven, EdgeChunk, EdgeTrace, edge_chunk, join
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import Run
-from servogen.units import Cycles
 
 Edge = tuple[int, int, int]
 """(cycle, pin, level)"""
+MAX_SPANS = 400
+"""The maximum number of spans of differences: more than a slider has places to mark."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,19 +146,29 @@ def _alone(edges: list[Edge], others: list[Edge], tolerance: float) -> set[Edge]
     return alone
 
 
-def first_difference(wanted: ScheduledEdges, trace: EdgeTrace, end: int) -> Cycles | None:
-    """Return the cycle of the first edge that only one of them has, before `end`; None: there is none."""
+def differences(wanted: ScheduledEdges, trace: EdgeTrace, end: int) -> Iterator[int]:
+    """Yield the cycles of the edges before `end` that only one of them has, in order."""
     driven = Driven()
     begin = 0
     for chunk in _pieces(trace, wanted.schedule.period):
         until = min(end, chunk[1])
-        edges = differing(wanted, driven(chunk[0]), begin, until)
-        if edges:
-            return Cycles(edges[0][0])
+        yield from (edge[0] for edge in differing(wanted, driven(chunk[0]), begin, until))
         begin = until
         if begin >= end:
             break
-    return None
+
+
+def spans(cycles: Iterable[int], gap: int) -> tuple[tuple[int, int], ...]:
+    """Return the spans of cycles in order that are at most `gap` apart, the first `MAX_SPANS` of them."""
+    found: list[tuple[int, int]] = []
+    for cycle in cycles:
+        if found and cycle - found[-1][1] <= gap:
+            found[-1] = found[-1][0], cycle
+        elif len(found) == MAX_SPANS:
+            break
+        else:
+            found.append((cycle, cycle))
+    return tuple(found)
 
 
 def _pieces(trace: EdgeTrace, length: int) -> Iterator[tuple[EdgeChunk, int]]:

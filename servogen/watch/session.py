@@ -191,6 +191,7 @@ class WatchSession:
             "compared": bool(placed),
             "verdict": subject.verdict,
             "first_difference": subject.first_difference,
+            "differences": subject.differences,
             "graded": subject.graded,
             "robot": robot,
             "poses": subject.path.suffix.lower() == JOB_SUFFIX,

@@ -6,8 +6,9 @@ takes seconds; `check` is quick, and raises what can be known at once.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from math import ceil
 from pathlib import Path
 
@@ -34,9 +35,15 @@ from servogen.traces.captures import SUFFIXES as CAPTURE_SUFFIXES
 from servogen.traces.captures import Capture, is_capture, read_capture
 from servogen.traces.formats import read_edges
 from servogen.units import Clock, Cycles
-from servogen.verify import CaptureVerdict
 from servogen.verify.capture.check import split
-from servogen.watch.differences import ScheduledEdges, differing, first_difference, first_rise, wanted_of
+from servogen.watch.differences import (
+    ScheduledEdges,
+    differences,
+    differing,
+    first_rise,
+    spans,
+    wanted_of,
+)
 from servogen.workflows.certificates import beside, kept
 from servogen.workflows.engines import planned
 from servogen.workflows.verification import judge_capture
@@ -45,6 +52,8 @@ START_FRAMES = 50
 """The maximum number of frames from reset to a program's first pulse."""
 LOOPS = 2
 """The number of loops in which the first difference is searched."""
+NEAR_FRAMES = Fraction(3, 2)
+"""The distance of two differences that are one span."""
 MAX_SEARCH_S = 600
 """The maximum simulated time in which the first difference is searched."""
 
@@ -88,6 +97,8 @@ class Subject:
     wanted: tuple[ScheduledEdges, ...] = ()
     """The schedule's position in the trace: one, or one for each of several captures in one file."""
     first_difference: Cycles | None = None
+    differences: tuple[tuple[int, int], ...] = ()
+    """The spans of cycles in which edges differ, as far as the trace was compared."""
     verdict: str = ""
     """How a capture compares with the schedule, as `verify` judges it."""
     begin: Cycles = Cycles(0)  # noqa: RUF009 - an integer
@@ -241,26 +252,18 @@ def _judged(subject: Subject, schedule: PulseSchedule, capture: Capture) -> Subj
             inside = ceil(sample + tolerance)  # an edge nearer to the ends may lie beyond them
             origin = begin + line.a - line.b * first
             wanted.append(ScheduledEdges(schedule, origin, line.b, tolerance, begin + inside, end - inside))
-    return replace(
-        subject,
-        wanted=tuple(wanted),
-        first_difference=_first_wrong(verdict, wanted, trace),
-        verdict=verdict.word if verdict.passed else f"{verdict.word}: {verdict.reasons[0]}",
-    )
-
-
-def _first_wrong(
-    verdict: CaptureVerdict, wanted: Sequence[ScheduledEdges], trace: EdgeTrace
-) -> Cycles | None:
-    """Return the time step of the verdict's first mismatch, or of the first edge that only one side has."""
-    if verdict.first_mismatch is not None:
-        return trace.clock.round_seconds(verdict.first_mismatch.time_us / 1e6)
+    said = verdict.word if verdict.passed else f"{verdict.word}: {verdict.reasons[0]}"
+    judged = replace(subject, wanted=tuple(wanted), verdict=said)
     if verdict.agrees:
-        return None
-    made = join(trace.driven())
-    end = min(int(trace.end), trace.clock.round_seconds(MAX_SEARCH_S))
-    edges = [edge[0] for placed in wanted for edge in differing(placed, made, 0, end)]
-    return Cycles(min(edges)) if edges else None
+        return judged
+    if wanted:
+        made = join(trace.driven())
+        end = min(int(trace.end), trace.clock.round_seconds(MAX_SEARCH_S))
+        edges = sorted(edge[0] for placed in wanted for edge in differing(placed, made, 0, end))
+        judged = _with_differences(judged, edges)
+    if verdict.first_mismatch is None:
+        return judged
+    return replace(judged, first_difference=trace.clock.round_seconds(verdict.first_mismatch.time_us / 1e6))
 
 
 def _compared(subject: Subject, progress: Callable[[str], None]) -> Subject:
@@ -281,4 +284,12 @@ def _compared(subject: Subject, progress: Callable[[str], None]) -> Subject:
     if wanted is None:
         return subject
     last = min(end, trace.end, wanted.begin_of(frames))
-    return replace(subject, wanted=(wanted,), first_difference=first_difference(wanted, trace, last))
+    return _with_differences(replace(subject, wanted=(wanted,)), differences(wanted, trace, last))
+
+
+def _with_differences(subject: Subject, cycles: Iterable[int]) -> Subject:
+    """Return the subject with the edges that differ; those of neighbouring frames are one span."""
+    wanted = subject.wanted[0]
+    found = spans(cycles, ceil(NEAR_FRAMES * wanted.steps * wanted.schedule.period))
+    first = Cycles(found[0][0]) if found else None
+    return replace(subject, first_difference=first, differences=found)

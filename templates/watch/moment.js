@@ -88,18 +88,20 @@ export class Moment {
     slider.setAttribute("aria-valuetext", clockText(cycle * us));
     this.marks(+slider.max, message.intervened ?? null);
   }
-  // The marks on the slider: the first difference, the first intervention, the cursors.
+  // The marks on the slider: where edges differ, the first intervention, the cursors.
   marks(max, intervened) {
-    const [a, b] = this.waves.cursors;
-    const marks = [["", this.model.first_difference], ["intervened", intervened]];
-    marks.push(["cursor", a], ["cursor", b]);
-    const there = marks.filter(([, cycle]) => cycle !== null && cycle <= max);
-    const said = JSON.stringify([max, there]);
+    const [a, b] = this.waves.cursors, { first_difference: first, differences } = this.model;
+    const marks = differences.map(([from, to]) => ["", from, to]);
+    for (const [kind, at] of [["", first], ["intervened", intervened], ["cursor", a], ["cursor", b]]) {
+      if (at !== null) marks.push([kind, at, at]);
+    }
+    const there = marks.filter(([, from]) => from <= max), said = JSON.stringify([max, there]);
     if (said === this.marked) return;
     this.marked = said;
-    byId("marks").replaceChildren(...there.map(([kind, cycle]) => {
+    byId("marks").replaceChildren(...there.map(([kind, from, to]) => {
       const made = element("i", kind ? { class: kind } : {});
-      made.style.left = `${100 * cycle / max}%`;
+      made.style.left = `${100 * from / max}%`;
+      made.style.minWidth = `${100 * (Math.min(to, max) - from) / max}%`;
       return made;
     }));
   }

@@ -11,7 +11,7 @@ from servogen.engines.board import machine_of
 from servogen.programs import read_program, read_schedule
 from servogen.pulse.expected import expected
 from servogen.units import Cycles
-from servogen.watch.differences import ScheduledEdges, differing, first_difference, wanted_of
+from servogen.watch.differences import ScheduledEdges, differences, differing, spans, wanted_of
 
 FOLDER = Path(__file__).parent.parent.parent / "firmware" / "hexapod-tripod"
 SCHEDULE = read_schedule(FOLDER / "schedule.json")
@@ -50,7 +50,7 @@ def test_a_proven_program_differs_nowhere() -> None:
     made = trace()
     wanted = wanted_of(SCHEDULE, made)
     assert wanted is not None
-    assert first_difference(wanted, made, END) is None
+    assert next(differences(wanted, made, END), None) is None
 
 
 def test_the_first_difference_is_the_edge_that_was_moved() -> None:
@@ -61,8 +61,8 @@ def test_the_first_difference_is_the_edge_that_was_moved() -> None:
     index = len(chunk.cycle) // 2
     cycle = int(chunk.cycle[index])
     late = moved(made, index, 1)
-    assert first_difference(wanted, late, END) == cycle
-    assert first_difference(wanted, late, cycle) is None
+    assert next(differences(wanted, late, END), None) == cycle
+    assert next(differences(wanted, late, cycle), None) is None
     found = differing(wanted, next(iter(late.chunks)), cycle - 10, cycle + 10)
     assert [(edge[0] - cycle, PINS[edge[1]]) for edge in found] == [
         (0, PINS[chunk.pin[index]]),
@@ -77,10 +77,16 @@ def test_pulses_that_stop_are_a_difference() -> None:
     chunk = next(iter(made.chunks))
     half = int(np.searchsorted(chunk.cycle, 4_000_000))
     stopped = EdgeTrace(made.clock, (EdgeChunk(*(column[:half] for column in chunk)),), END)
-    found = first_difference(wanted, stopped, END)
+    found = next(differences(wanted, stopped, END), None)
     assert found is not None and 4_000_000 <= found < 4_000_000 + SCHEDULE.period
 
 
 def test_a_trace_without_pulses_has_no_beginning() -> None:
     chunk = EdgeChunk(np.zeros(0, np.int64), np.zeros(0, np.uint8), np.zeros(0, np.uint8))
     assert wanted_of(SCHEDULE, EdgeTrace(SCHEDULE.clock, (chunk,), END)) is None
+
+
+def test_differences_in_neighbouring_frames_are_one_span() -> None:
+    assert spans([5, 7, 20_007, 90_000], 30_000) == ((5, 20_007), (90_000, 90_000))
+    assert spans([], 30_000) == ()
+    assert len(spans(range(0, 10_000_000, 10), 5)) == 400, "no slider has room for more"

@@ -17,7 +17,7 @@ from servogen.pulse.schedule import Channel, Pulse, Run
 from servogen.simulator import LevelChange, Recorded, Stimuli
 from servogen.units import Clock, Cycles
 from servogen.watch import session as session_module
-from servogen.watch.differences import ScheduledEdges, differing, first_difference, first_rise, wanted_of
+from servogen.watch.differences import ScheduledEdges, differences, differing, first_rise, wanted_of
 from servogen.watch.recording import Recording
 from servogen.watch.session import MAX_EDGES, LatestPulses, WatchSession
 from servogen.watch.subject import Subject
@@ -490,16 +490,16 @@ def test_the_first_difference_is_found_however_the_trace_is_cut() -> None:
         trace = EdgeTrace(MHZ4, pieces, Cycles(3040))
         wanted = wanted_of(PULSES, trace)
         assert wanted == ScheduledEdges(PULSES, 40)
-        assert first_difference(wanted, trace, 3040) is None
+        assert next(differences(wanted, trace, 3040), None) is None
         for number in (4, 30, len(rows) - 1):
             at, pin, level = rows[number]
             moved = sorted([*rows[:number], (at + 1, pin, level), *rows[number + 1 :]])
             cut = tuple(chunk(moved[first : first + size]) for first in range(0, len(moved), size))
             other = EdgeTrace(MHZ4, cut, Cycles(3041))
-            assert first_difference(wanted, other, 3041) == at
-            assert first_difference(wanted, other, at) is None
+            assert next(differences(wanted, other, 3041), None) == at
+            assert next(differences(wanted, other, at), None) is None
         short = EdgeTrace(MHZ4, pieces, Cycles(3200))
-        assert first_difference(wanted, short, 3200) == 3040, "then the pulses stop"
+        assert next(differences(wanted, short, 3200), None) == 3040, "then the pulses stop"
     assert wanted_of(PULSES, EdgeTrace(MHZ4, (chunk([(5, 9, 1)]),), Cycles(100))) is None
     quiet = PulseSchedule(
         clock=MHZ4, period=Cycles(100), channels=PULSES.channels, lead_in=(), loop=(Run(1, (None, None)),)

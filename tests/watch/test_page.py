@@ -169,6 +169,7 @@ def test_from_a_wrong_edge_a_step_back_leads_to_its_line(watch: Open, tmp_path: 
     assert page.run(f"{style}.color !== {style}.backgroundColor"), "the badge can be read"
     page.click("#difference")
     difference = page.until("watched.latest.cycle > 100 && watched.latest.cycle")
+    page.until("document.querySelectorAll('#marks i').length >= 1")
     assert "arm low" in page.until("document.querySelector('.line.here')?.textContent")  # it comes too late
     page.click("#back-instruction")
     page.until(f"watched.latest.cycle < {difference}")
