@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
-from servogen.prove.chip import FIELD, AbstractChip, AssumedBits, ChipState, Reason, Use
+from servogen.prove.chip import FIELD, AbstractChip, AssumedBits, ChipState, Reason, RunOutcome, Use
 from servogen.prove.forks import ALONE, Choices, PreparedProgram, before_instruction, ways_of
 from servogen.prove.generalise import Generaliser
 from servogen.prove.nodes import Decision, Node
@@ -90,6 +90,8 @@ def _decisions(trail: _Trail | None) -> tuple[Decision, ...]:
 class _Point:
     """Between two cuts."""
 
+    node: int
+    """At the last of them."""
     ram: Ram
     rest: int
     spec: SpecState
@@ -148,79 +150,76 @@ def why_undecided(finding: SearchFinding, search: SearchResult) -> str:
     return f"{finding.message} ({place})"
 
 
+class _Ended(Exception):
+    """Raised where a search has its answer before all states are expanded."""
+
+    def __init__(self, answer: SearchAnswer, finding: SearchFinding | None = None, cut: int = 0) -> None:
+        super().__init__(answer)
+        self.answer, self.finding, self.cut = answer, finding, cut
+
+
+@dataclass
 class Explorer:
     """One search."""
 
-    def __init__(
-        self,
-        program: PreparedProgram,
-        transitions: Transitions,
-        spec: Specification,
-        generaliser: Generaliser,
-        phases: int,
-        max_states: int,
-        tell: Callable[[int, int], None],
-        starts: Sequence[ChipState],
-    ) -> None:
-        self._starts = starts
-        self._program = program
-        self._transitions = transitions
-        self._spec = spec
-        self._generaliser = generaliser
-        self._phases = phases
-        self._max_states = max_states
-        self._tell = tell
-        self._nodes: list[Node] = []
-        self._known: dict[tuple[Ram, int, SpecState], int] = {}
-        self._queue: deque[int] = deque()
-        self._work = 0
-        self._reads_eeprom = self._writes_eeprom = self._asynchronous = False
-        self._waits: list[tuple[int, int]] = []
+    program: PreparedProgram
+    transitions: Transitions
+    spec: Specification
+    generaliser: Generaliser
+    phases: int
+    """In how many ways TMR0 may begin."""
+    max_states: int
+    tell: Callable[[int, int], None]
+    starts: Sequence[ChipState]
+    _nodes: list[Node] = field(default_factory=list)
+    _known: dict[tuple[Ram, int, SpecState], int] = field(default_factory=dict)
+    """The numbers of the nodes."""
+    _queue: deque[int] = field(default_factory=deque)
+    _work: int = 0
+    _reads_eeprom: bool = False
+    _writes_eeprom: bool = False
+    _asynchronous: bool = False
+    _waits: list[tuple[int, int]] = field(default_factory=list)
 
     def search(self) -> SearchResult:
         """Return all states, or the first finding."""
-        for start in self._starts:
-            self._store(start.ram, self._transitions.number(start.rest), self._spec.start(), -1, 0, ())
+        ended = _Ended(SearchAnswer.CLOSED)
+        try:
+            self._expand_all()
+        except _Ended as early:
+            ended = early
+        return SearchResult(
+            answer=ended.answer,
+            nodes=self._nodes,
+            finding=ended.finding,
+            open_nodes=len(self._queue),
+            cut=ended.cut,
+            waits=tuple(self._waits),
+            asynchronous=self._asynchronous,
+        )
+
+    def _expand_all(self) -> None:
+        """Expand states until no new one comes. Raises _Ended, as all that follows does."""
+        for start in self.starts:
+            self._store(start.ram, self.transitions.number(start.rest), self.spec.start(), -1, 0, ())
         expanded = 0
         while self._queue:
             number = self._queue.popleft()
-            ended = self._expand(number)
+            self._expand(number)
             expanded += 1
             if expanded % 500 == 0:
-                self._tell(expanded, len(self._nodes))
-            if ended is not None:
-                return ended
-            if len(self._nodes) > self._max_states:
-                finding = SearchFinding(
-                    node=number,
-                    decisions=(),
-                    cycle=0,
-                    message=f"more than {self._max_states} states",
-                    certain=False,
-                    pc=0,
-                )
-                return self._ended(SearchAnswer.UNDECIDED, finding)
-        return self._ended(SearchAnswer.CLOSED, None)
-
-    def _ended(self, answer: SearchAnswer, finding: SearchFinding | None, cut: int = 0) -> SearchResult:
-        waits = tuple(self._waits)
-        return SearchResult(
-            answer=answer,
-            nodes=self._nodes,
-            finding=finding,
-            open_nodes=len(self._queue),
-            cut=cut,
-            waits=waits,
-            asynchronous=self._asynchronous,
-        )
+                self.tell(expanded, len(self._nodes))
+            if len(self._nodes) > self.max_states:
+                message = f"more than {self.max_states} states"
+                raise _Ended(SearchAnswer.UNDECIDED, SearchFinding(number, (), 0, message, False, 0))
 
     def _store(
         self, ram: Ram, rest: int, spec: SpecState, parent: int, cycles: int, decisions: tuple[Decision, ...]
     ) -> None:
         raw = (ram, rest)
         if parent >= 0:  # a start is not at a cut, and is as general as the quantifiers make it
-            ram, rest = self._generaliser.generalised(ram, rest)
-            spec = self._spec.generalised(spec)
+            ram, rest = self.generaliser.generalised(ram, rest)
+            spec = self.spec.generalised(spec)
         key = (ram, rest, spec)
         if key not in self._known:
             self._known[key] = len(self._nodes)
@@ -231,171 +230,124 @@ class Explorer:
             # the search. It is found as a cycle among these pairs.
             self._waits.append((parent, self._known[key]))
 
-    def _expand(self, number: int) -> SearchResult | None:
+    def _expand(self, number: int) -> None:
         node = self._nodes[number]
-        points = [_Point(node.ram, node.rest, node.spec, 0)]
-        seen = set()
-        count = 0
+        points = [_Point(number, node.ram, node.rest, node.spec, 0)]
+        seen: set[tuple[object, ...]] = set()
         while points:
             point = points.pop()
             if point.key in seen:
                 continue  # another way has led to the same
             seen.add(point.key)
-            count += 1
             self._work += 1
-            if count > MAX_POINTS or self._work > WORK_PER_STATE * self._max_states:
-                return self._stuck(number, point, "too many ways between two frames")
+            if len(seen) > MAX_POINTS or self._work > WORK_PER_STATE * self.max_states:
+                raise self._stuck(point, "too many ways between two frames")
             # A bit that only the generalisation made unknown is restored, not split: the ways with its
             # other value would be those of chips that do not exist.
             undecided = all(choice == ALONE for choice in point.chosen)
-            if point.use is not None and undecided and self._blamed(number, point, point.use):
-                return self._ended(SearchAnswer.REFINE, None)
-            ways = self._ways(point)
-            if ways is None:
-                return self._stuck(number, point, "what decides is not known", point.use)
+            if point.use is not None and undecided and self._blamed(point, point.use):
+                raise _Ended(SearchAnswer.REFINE)
             # The ways cover every value of what is unknown (`forks`), so following all of them covers every
             # chip.
-            for choices in ways:
-                ended = self._follow(number, point, choices, points)
-                if ended is not None:
-                    return ended
-        return None
+            for choices in self._ways(point):
+                points += self._follow(point, choices)
 
-    def _ways(self, point: _Point) -> list[Choices] | None:
-        state = ChipState(point.ram, self._transitions.rest(point.rest))
+    def _ways(self, point: _Point) -> list[Choices]:
+        """Return the choices that together cover every chip at a point."""
+        state = ChipState(point.ram, self.transitions.rest(point.rest))
         before: list[Choices] = [point.chosen]
-        if not point.chosen and self._transitions.pc(point.rest) in self._transitions.stops:
-            self._reads_eeprom = self._reads_eeprom or self._program.reads_eeprom(state)
-            before = before_instruction(self._program, state, self._spec.sampled, self._phases)
+        if not point.chosen and self.transitions.pc(point.rest) in self.transitions.stops:
+            self._reads_eeprom = self._reads_eeprom or self.program.reads_eeprom(state)
+            before = before_instruction(self.program, state, self.spec.sampled, self.phases)
         if point.use is None:
             return before
         interrupts = point.use.kind == USE_INTERRUPT and point.use.subject & ~T0IF
         self._asynchronous = self._asynchronous or bool(interrupts)
         every: list[Choices] = []
         for chosen in before:
-            ways = ways_of(self._program, state, point.use, chosen)
+            ways = ways_of(self.program, state, point.use, chosen)
             if ways is None:
-                return None
+                raise self._stuck(point, "what decides is not known", point.use)
             every += ways
         return every
 
-    def _follow(
-        self, number: int, point: _Point, choices: Choices, points: list[_Point]
-    ) -> SearchResult | None:
-        """Run one way up to the next stop, and store or append the state there."""
-        transitions = self._transitions
+    def _follow(self, point: _Point, choices: Choices) -> list[_Point]:
+        """Run one way up to the next stop; store the state there, or return where the search goes on."""
+        transitions = self.transitions
         outcome = transitions.run(point.ram, point.rest, choices)
         if outcome.reason is Reason.USE and outcome.cycles == 0:
             # Nothing was executed: the same instruction needs more choices.
-            points.append(
-                _Point(point.ram, point.rest, point.spec, point.cycle, point.trail, choices, outcome.use)
-            )
-            return None
-        trail = _Trail(Decision(point.cycle, choices), point.trail) if choices else point.trail
-        try:
-            spec = point.spec
-            for choice in choices:
-                if choice.field == "PINS":
-                    pin = choice.bits.bit_length() - 1
-                    spec = self._spec.sample(spec, pin, int(choice.value != 0))
-            spec = self._spec.advance(spec, outcome.edges, outcome.cycles)
-        except Violation as violation:
-            finding = SearchFinding(
-                node=number,
-                decisions=_decisions(trail),
-                cycle=point.cycle + violation.cycle,
-                message=violation.message,
-                certain=violation.certain,
-                pc=transitions.pc(point.rest),
-            )
-            return self._ended(SearchAnswer.VIOLATED, finding)
-        cycle = point.cycle + outcome.cycles
-        if outcome.reason is Reason.WARNING:
-            pc = transitions.pc(transitions.number(outcome.rest))
-            finding = SearchFinding(
-                node=number,
-                decisions=_decisions(trail),
-                cycle=cycle,
-                message="; ".join(outcome.warnings),
-                certain=True,
-                pc=pc,
-            )
-            return self._ended(SearchAnswer.VIOLATED, finding)
-        rest = transitions.number(outcome.rest)
+            return [replace(point, chosen=choices, use=outcome.use)]
+        if choices:
+            point = replace(point, trail=_Trail(Decision(point.cycle, choices), point.trail))
+        spec = self._specified(point, choices, outcome)
+        rest, cycle = transitions.number(outcome.rest), point.cycle + outcome.cycles
         ram = applied(point.ram, outcome)
+        after = _Point(point.node, ram, rest, spec, cycle, point.trail, (), outcome.use)
+        if outcome.reason is Reason.WARNING:
+            raise self._violated(after, "; ".join(outcome.warnings))
         # A state does not hold the EEPROM's cells: a read gives what the file says, not what was written.
         if outcome.rest[_EE_DONE_AT] != NEVER:
             self._asynchronous = self._writes_eeprom = True
-        if self._writes_eeprom and (self._reads_eeprom or not self._program.eeprom_accesses):
+        if self._writes_eeprom and (self._reads_eeprom or not self.program.eeprom_accesses):
             why = "what the program writes to the EEPROM, it reads, or it writes through INDF"
-            return self._stuck(number, _Point(ram, rest, spec, cycle, trail), why)
+            raise self._stuck(after, why)
         if outcome.rest[_SLEEPING]:
-            return self._asleep(number, _Point(ram, rest, self._spec.at_rest(spec), cycle, trail), points)
-        if spec.phase == BEFORE and cycle >= START_FRAMES * self._spec.period:
-            finding = SearchFinding(
-                node=number,
-                decisions=_decisions(trail),
-                cycle=cycle,
-                message="no pulse comes",
-                certain=True,
-                pc=transitions.pc(rest),
-            )
-            return self._ended(SearchAnswer.VIOLATED, finding)
+            return self._asleep(replace(after, spec=self.spec.at_rest(spec)))
+        if spec.phase == BEFORE and cycle >= START_FRAMES * self.spec.period:
+            raise self._violated(after, "no pulse comes")
         if outcome.reason is Reason.LIMIT:  # a loop without a cut, which would be followed endlessly
-            return self._ended(SearchAnswer.CUT, None, transitions.pc(rest))
+            raise _Ended(SearchAnswer.CUT, cut=transitions.pc(rest))
         # The induction: whatever the state is replaced by contains it, and is expanded in its turn.
-        if outcome.reason is Reason.STOP and transitions.pc(rest) in self._generaliser.cuts:
-            self._store(ram, rest, spec, number, cycle, _decisions(trail))
-            return None
-        points.append(_Point(ram, rest, spec, cycle, trail, (), outcome.use))
-        return None
+        if outcome.reason is Reason.STOP and transitions.pc(rest) in self.generaliser.cuts:
+            self._store(ram, rest, spec, point.node, cycle, _decisions(point.trail))
+            return []
+        return [after]
 
-    def _asleep(self, number: int, point: _Point, points: list[_Point]) -> SearchResult | None:
+    def _specified(self, point: _Point, choices: Choices, outcome: RunOutcome) -> SpecState:
+        """Return the specification's state after a run, whose edges are the specified ones."""
+        spec = point.spec
+        try:
+            for choice in choices:
+                if choice.field == "PINS":
+                    spec = self.spec.sample(spec, choice.bits.bit_length() - 1, int(choice.value != 0))
+            return self.spec.advance(spec, outcome.edges, outcome.cycles)
+        except Violation as violation:
+            there = replace(point, cycle=point.cycle + violation.cycle)
+            raise self._violated(there, violation.message, violation.certain) from None
+
+    def _asleep(self, point: _Point) -> list[_Point]:
         """Wake a sleeping chip in every way, where the time of waking does not matter."""
         self._asynchronous = True
-        rest = ChipState(point.ram, self._transitions.rest(point.rest))
-        watchdog = self._transitions.chip.watchdog
-        why = "SLEEP while pulses are due" if point.spec.phase == IN_FRAME else ""
+        rest = ChipState(point.ram, self.transitions.rest(point.rest))
+        watchdog = self.transitions.chip.watchdog
         if point.spec.phase == BEFORE and not watchdog:
-            why = "no pulse comes: SLEEP, and nothing has to end it"
-        if why:
-            pc = self._transitions.pc(point.rest)
-            finding = SearchFinding(
-                node=number,
-                decisions=_decisions(point.trail),
-                cycle=point.cycle,
-                message=why,
-                certain=True,
-                pc=pc,
-                silent=True,
-            )
-            return self._ended(SearchAnswer.VIOLATED, finding)
+            raise self._violated(point, "no pulse comes: SLEEP, and nothing has to end it", silent=True)
+        if point.spec.phase == IN_FRAME:
+            raise self._violated(point, "SLEEP while pulses are due", silent=True)
         # An enable bit is three places above its flag; a flag that is known needs no choice.
         intcon = rest["INTCON"]
         flags = [1 << bit for bit in range(3) if (intcon >> 3 & rest["INTCON_UNKNOWN"]) >> bit & 1]
         wakes = [AssumedBits("INTCON", flag, flag) for flag in flags]
         wakes += [AssumedBits("WATCHDOG", 0, 0)] if watchdog else []
         wakes += [AssumedBits("EE_DONE", 0, 0)] if intcon & EEIE and rest["EE_DONE_AT"] != NEVER else []
-        for wake in wakes:
-            ended = self._follow(number, point, (wake,), points)
-            if ended is not None:
-                return ended
-        return None
+        return [after for wake in wakes for after in self._follow(point, (wake,))]
 
-    def _blamed(self, number: int, point: _Point, use: Use) -> bool:
+    def _blamed(self, point: _Point, use: Use) -> bool:
         """Return whether what was generalised at the last cut made the use; it is kept from now on then."""
-        if self._nodes[number].parent < 0:
+        node = self._nodes[point.node]
+        if node.parent < 0:
             return False
-        return self._generaliser.blamed(self._nodes[number], _decisions(point.trail), point.cycle, use)
+        return self.generaliser.blamed(node, _decisions(point.trail), point.cycle, use)
 
-    def _stuck(self, number: int, point: _Point, why: str, use: Use | None = None) -> SearchResult:
-        finding = SearchFinding(
-            node=number,
-            decisions=_decisions(point.trail),
-            cycle=point.cycle,
-            message=why,
-            certain=False,
-            pc=self._transitions.pc(point.rest),
-            use=use,
-        )
-        return self._ended(SearchAnswer.UNDECIDED, finding)
+    def _violated(self, point: _Point, message: str, certain: bool = True, *, silent: bool = False) -> _Ended:
+        return _Ended(SearchAnswer.VIOLATED, self._finding(point, message, certain, silent=silent))
+
+    def _stuck(self, point: _Point, why: str, use: Use | None = None) -> _Ended:
+        return _Ended(SearchAnswer.UNDECIDED, self._finding(point, why, False, use))
+
+    def _finding(
+        self, point: _Point, message: str, certain: bool, use: Use | None = None, *, silent: bool = False
+    ) -> SearchFinding:
+        pc, decisions = self.transitions.pc(point.rest), _decisions(point.trail)
+        return SearchFinding(point.node, decisions, point.cycle, message, certain, pc, use, silent)

@@ -8,6 +8,7 @@ what the C left goes both ways.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
@@ -75,8 +76,8 @@ T0IF, FSR_ADDRESS = 2, 4
 MAX_STATES = 200_000
 MAX_ROUNDS = 2
 MAX_TIMES = MAX_ROUNDS * ROUND + HALF
-LONG_AGO = -10 * ROUND
-"""A time stamp before which no other is."""
+NEVER = -math.inf
+"""When the last bit was taken, where that is so long ago that the next one may be."""
 
 
 class LastLook(NamedTuple):
@@ -116,8 +117,8 @@ class _State(NamedTuple):
 
     at: RoundMoment
     last: LastLook
-    bit: int
-    """The time stamp of the last bit that was taken; LONG_AGO once the next one may be."""
+    bit: float
+    """The time stamp of the last bit that was taken, or NEVER."""
 
 
 @dataclass(slots=True)
@@ -130,7 +131,7 @@ class _Met:
 
     followed: Collection[int]
     """The places whose values are remembered."""
-    times: dict[Hashable, list[tuple[int, int, int]]] = field(default_factory=dict)
+    times: dict[Hashable, list[tuple[int, int, float]]] = field(default_factory=dict)
     """By state without times: sample and time stamp of the last look, time stamp of the last bit."""
 
     def is_new(self, state: _State) -> bool:
@@ -182,7 +183,7 @@ class Interrupt:
             _State(
                 RoundMoment(INTERRUPT_VECTOR, (), begin, dict(known), Timer(ahead)),
                 last if self.gaps else NO_LOOK,
-                last.stamp if last.kind == BIT else LONG_AGO,
+                last.stamp if last.kind == BIT else NEVER,
             )
             for begin, last in begins
         ]
@@ -222,13 +223,13 @@ class Interrupt:
     def _forgetting(self, state: _State) -> _State:
         """Forget when the last bit was, where that is so long ago that the next one may be."""
         recent = state.at.cycle - state.bit < self.bits_apart
-        return state if recent else _State(state.at, state.last, LONG_AGO)
+        return state if recent else _State(state.at, state.last, NEVER)
 
-    def _ending(self, at: RoundMoment, last: LastLook, bit: int) -> Ending:
+    def _ending(self, at: RoundMoment, last: LastLook, bit: float) -> Ending:
         known, ram = at.known, self.code.ram
         end = at.cycle + 2
         if not self.gaps:
-            last = LastLook(BIT, bit, bit) if end - bit < self.bits_apart else NO_LOOK
+            last = LastLook(BIT, int(bit), int(bit)) if end - bit < self.bits_apart else NO_LOOK
         ticks, rest, fine = (known.get(ram[name]) for name in ("ticks", "rest", "fine"))
         return Ending(end, at.timer.ahead, bool(at.timer.cleared), ticks, rest, fine, last)
 
@@ -299,7 +300,7 @@ class Interrupt:
                 way.known.pop(W, None)
         return ways
 
-    def _looked(self, looks: Iterable[Look], at: RoundMoment, last: LastLook, bit: int) -> Iterator[_State]:
+    def _looked(self, looks: Iterable[Look], at: RoundMoment, last: LastLook, bit: float) -> Iterator[_State]:
         """Yield what can follow a call of a look at the line."""
         address, stack, now, known, timer = at
         receiving, called = self.code.ram["rx_bits"], now + 2

@@ -8,7 +8,8 @@ what was received before, is not known: every test of these goes both ways.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Literal, NamedTuple
+from enum import Enum
+from typing import NamedTuple
 
 from servogen.engines.stream.rendering import tick
 from servogen.engines.stream.response import PORTS, TMR0, Round, RoundMoment
@@ -27,16 +28,19 @@ BYTE = 10
 """What `rx_bits` is when a start bit was seen: not 0."""
 MAX_STATES = 200_000
 
-Kind = Literal["", "hunt", "start", "wait", "bit", "sent"]
-NONE: Kind = ""
-HUNT: Kind = "hunt"
-START: Kind = "start"
-WAIT: Kind = "wait"
-BIT: Kind = "bit"
-SENT: Kind = "sent"
-"""A look: for a start bit, none there; a start bit seen; a bit is not due yet; a bit is taken; an
-answer's first bit is sent.
-"""
+
+class Kind(Enum):
+    """What a look at the line is."""
+
+    NONE = "no look is known of"
+    HUNT = "for a start bit: none there"
+    START = "a start bit is seen"
+    WAIT = "a bit is not due yet"
+    BIT = "a bit is taken"
+    SENT = "an answer's first bit is sent"
+
+
+NONE, HUNT, START, WAIT, BIT, SENT = Kind
 
 
 class InterruptChanged(Exception):
@@ -87,7 +91,7 @@ def looks_of(code: Round, begin: int, hunt: int) -> tuple[Look, ...]:
             raise InterruptChanged("a look at the line does not end")
         if at.address == RETURNED:
             outcomes.append(Look(at.kind, at.now, at.sample, at.stamp))
-    return tuple(sorted({*outcomes}, key=lambda look: (look.kind, look.cycles, look.stamp)))
+    return tuple(sorted({*outcomes}, key=lambda look: (look.kind.name, look.cycles, look.stamp)))
 
 
 def _takes(code: Round, address: int) -> bool:

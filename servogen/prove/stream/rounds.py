@@ -27,7 +27,7 @@ from servogen.engines.stream.streaming import Streaming
 from servogen.pic.known_values import Known
 from servogen.pic.listing import Listing
 from servogen.prove.stream.interrupt import NO_LOOK, Beginning, Ending, Interrupt, LastLook, interrupt_of
-from servogen.prove.stream.looks import InterruptChanged, Kind
+from servogen.prove.stream.looks import NONE, InterruptChanged, Kind
 
 Tell = Callable[[str, int, int], None]
 
@@ -196,7 +196,9 @@ class _Closure:
     def _next(self, end: Ending, rounds: int, may: May = ANY) -> None:
         """Add the first interrupts of the round after `rounds` rounds."""
         kind, sample, stamp = end.last
-        moved = LastLook(kind, sample - rounds * ROUND, stamp - rounds * ROUND) if kind else NO_LOOK
+        moved = (
+            LastLook(kind, sample - rounds * ROUND, stamp - rounds * ROUND) if kind is not NONE else NO_LOOK
+        )
         for begin in self._begins(0, end.cycle - rounds * ROUND):
             self._add(True, begin, moved, may)
 
