@@ -23,7 +23,7 @@ from servogen.simulator import machine as machine_module
 from servogen.simulator import run as run_module
 from servogen.simulator.machine import Machine
 from servogen.units import Clock
-from servogen.workflows import Build
+from servogen.workflows.job_build import Build
 
 ROOT = Path(__file__).parents[1]
 JOB = ROOT / "jobs" / "lab8-exercise.toml"

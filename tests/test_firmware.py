@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from servogen.engines.firmware import ResourceError
 from servogen.job import load, plan_job
-from servogen.workflows import ResourceError, build, write
+from servogen.workflows.job_build import build, write
 from tools.firmware_checksums import SUMS, checksum, ignored_names, read_sums, update_sums
 
 ROOT = Path(__file__).parent.parent

@@ -29,7 +29,8 @@ if TYPE_CHECKING:
 
 GROUPS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "Jobs": {
-        "job_commands": ("new", "check", "plan"),
+        "job_commands": ("new", "check"),
+        "plan_command": ("plan",),
         "build_commands": ("build", "demo"),
         "report_command": ("report",),
         "tune_command": ("tune",),

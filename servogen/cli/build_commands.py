@@ -19,14 +19,13 @@ from servogen.cli.options import (
 )
 from servogen.cli.show import as_json, status, table, warn_of_all
 from servogen.cli.widths import width_table
+from servogen.engines.firmware import ResourceError
 from servogen.errors import Diagnostic, InputError
 from servogen.job import load, plan_job
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES
 from servogen.plan_error import plan_text
-from servogen.report import timing_budgets_text
+from servogen.report.text import timing_budgets_text
 from servogen.units import counted
-from servogen.workflows import ResourceError, write
-from servogen.workflows import build as built
 from servogen.workflows.certificates import (
     CertificateVerdict,
     beside,
@@ -34,7 +33,8 @@ from servogen.workflows.certificates import (
     kept,
     proved,
 )
-from servogen.workflows.job_build import Build, hex_name, program_facts
+from servogen.workflows.job_build import Build, hex_name, program_facts, write
+from servogen.workflows.job_build import build as built
 
 SHOWN_FIRST = "hexapod-tripod"
 """The job that is proposed after a demo: the one that moves most."""

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from servogen.cli.chip_options import ChipOptions
 from servogen.cli.files import keep_apart, read_program
-from servogen.cli.options import ChipOptions
 from servogen.cli.schedule_proof import NOT_PROVEN, ONE_ENGINE, PROVEN, Over
 from servogen.cli.show import as_json, status
 from servogen.contract import Contract, ContractVerdict, load_contract

@@ -75,7 +75,7 @@ def read_schedule_of(path: Path) -> PulseSchedule:
     """Return the schedule in a schedule.json, of the folder of a build, or of a job. Raises InputError."""
     if programs.is_job(path):
         from servogen.job import load, plan_job  # loads the engines: only for a job
-        from servogen.workflows import planned
+        from servogen.workflows.engines import planned
 
         return planned(plan_job(load(path))).plan.schedule
     return read_schedule(path / "schedule.json" if path.is_dir() else path)

@@ -1,37 +1,25 @@
-"""Commands of job files: new, check, plan."""
+"""Commands of job files: new, check."""
 
 from __future__ import annotations
 
-import re
 import sys
-from math import degrees
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from servogen.cli.options import (
-    Animate,
-    Csv,
     JobFile,
     Json,
-    Plot,
 )
-from servogen.cli.show import as_json, next_step, status, table, warn_of_all
+from servogen.cli.show import as_json, status, warn_of_all
 from servogen.cli.widths import width_table
-from servogen.errors import InputError, Location, ServogenError
-from servogen.job import KINDS, Job, PlannedJob, load, plan_job, starter, usual_servo
-from servogen.outputs import atomic_write, write_text
+from servogen.errors import InputError, Location
+from servogen.job import KINDS, load, plan_job, starter, usual_servo
+from servogen.outputs import write_text
 from servogen.plan_error import plan_text
-from servogen.report.film import film, job_scene
-from servogen.report.motion_plot import motion_plot
-from servogen.report.motion_table import frame_lines
-from servogen.report.plan_facts import PlanFacts, ServoFacts, plan_facts
-from servogen.report.tracks import ERROR_COLUMNS, error_rows
 from servogen.units import counted
-from servogen.workflows import nearest_pulses
-from servogen.workflows import planned as planned_job
-from servogen.workflows.horns import Horn, advised, centred, edits, horns_of, rewritten
+from servogen.workflows.engines import planned as planned_job
 
 
 def new(
@@ -87,177 +75,3 @@ def check(job: JobFile, json: Json = False) -> None:
     loop = f"loop of {counted(schedule.loop_frames, 'frame')}, {seconds:g} s"
     print(f"{job}: {counted(len(loaded.servos), 'servo')}, {loop}; {plan_text(schedule.plan_error)}")
     warn_of_all(warnings)
-
-
-def plan(
-    job: JobFile,
-    picture: Plot = None,
-    csv: Csv = None,
-    animate: Animate = None,
-    fit: Annotated[
-        bool,
-        typer.Option("--fit", help="Write into the job where its horns centre the motion; comments stay."),
-    ] = False,
-    json: Json = False,
-) -> None:
-    """Show a job's motion without building it: frames, servos, horns, paths, pulse errors."""
-    with status("planning"):
-        asked = _planned_with_horns(load(job), job, fit)
-        played, made = nearest_pulses(asked)
-        facts = plan_facts(played, made, engine=played is not asked)
-    loaded, pulses, tracks = facts.job, facts.plan, facts.tracks
-    if csv:
-        with atomic_write(csv) as file:
-            file.writelines(f"{line}\n" for line in frame_lines(loaded, pulses.schedule, tracks))
-    if picture:
-        motion_plot(loaded, pulses.schedule, tracks, picture)
-    if animate:
-        with status(f"filming {animate}"):
-            film(job_scene(loaded), animate)
-    if json:
-        horns = [horn.to_json() for horn in horns_of(asked)]
-        as_json({**facts.to_json(), "horns": horns}, (*loaded.warnings, *pulses.warnings, *loaded.notes))
-    else:
-        _show_plan(facts, horns_of(asked))
-        if csv or picture or animate:
-            print(next_step("build", job))
-
-
-def _planned_with_horns(loaded: Job, file: Path, fit: bool) -> PlannedJob:
-    """Return a job's plan; with `fit` that with centred horns, which is written into its file.
-
-    Raises InputError, with the horns that would help where they are all that is in the way.
-    """
-    try:
-        planned = plan_job(loaded)
-    except ServogenError as error:
-        horns, made = centred(loaded)
-        if not fit:
-            raise advised(error, horns) from error
-    else:
-        if not fit:
-            return planned
-        horns, made = centred(loaded)
-    values = edits(loaded, horns)
-    if not values:
-        print(f"{file}: every horn is where it centres the motion")
-        return made
-    write_text(file, rewritten(file.read_text(encoding="utf-8"), values))
-    print(f"{file}: {counted(sum(bool(horn.turn) for horn in horns), 'horn')} turned")
-    return made
-
-
-def _show_horns(horns: tuple[Horn, ...]) -> None:
-    """Print which part of its travel each servo's motion uses, and the zero that centres it."""
-    rows = []
-    for horn in horns:
-        low, high = (degrees(end) for end in horn.used)
-        whole = degrees(horn.whole[1] - horn.whole[0])
-        rows.append(
-            (
-                horn.servo,
-                f"{degrees(horn.whole[0]):z.4g} to {degrees(horn.whole[1]):z.4g}°",
-                f"{low:z.1f} to {high:z.1f}°, {100 * (high - low) / whole:.0f} %",
-                f"{degrees(horn.zero):z.4g}",
-                "as it is" if not horn.turn else f"{degrees(horn.zero + horn.turn):z.4g}",
-            )
-        )
-    if rows:
-        table("Horns", ("servo", "travel", "used", "zero_deg", "centred"), rows)
-
-
-def _show_plan(facts: PlanFacts, horns: tuple[Horn, ...]) -> None:
-    job, schedule = facts.job, facts.plan.schedule
-    _show_servos(job, facts.servos)
-    _show_horns(horns)
-    if facts.ends:
-        _show_ends(facts)
-    for note in job.notes:
-        print(note.message)
-    if facts.rigid_legs_end is not None:
-        x, y, yaw = facts.rigid_legs_end
-        print(
-            f"rigid legs take the body {1000 * x:z.1f} mm forward, {1000 * y:z.1f} mm to the left "
-            f"and turn it by {degrees(yaw):z.1f}°"
-        )
-    if facts.worst is not None:
-        worst = facts.worst
-        print(
-            f"{_of_what(facts)}: at worst {1000 * worst.worst_m:z.3f} mm, "
-            f"{worst.name} in frame {worst.frame} ({facts.seconds(worst.frame):.6g} s)"
-        )
-        if not facts.engine:
-            print("how far the engine's schedule is from the plan, which may be more: servogen check")
-    parts = [("lead-in", schedule.lead_in_frames), ("loop", schedule.loop_frames)]
-    text = ", ".join(
-        f"{name} of {counted(frames, 'frame')}, {facts.seconds(frames):g} s"
-        for name, frames in parts
-        if frames
-    )
-    print(f"{job.file}: {counted(len(job.servos), 'servo')}, {text}")
-    warn_of_all((*job.warnings, *facts.plan.warnings))
-
-
-def _show_servos(job: PlannedJob, facts: tuple[ServoFacts, ...]) -> None:
-    joints = {binding.servo: binding.joint for binding in job.bindings}
-    rows = []
-    for row in facts:
-        model, unit = row.servo.model, row.servo.model.unit
-        rows.append(
-            (
-                row.servo.name,
-                joints.get(row.servo.name, ""),
-                f"{degrees(row.minimum):z.2f} to {degrees(row.maximum):z.2f}{unit}",
-                " to ".join(f"{degrees(limit):zg}" for limit in row.servo.limits) + unit,
-                _degrees(row.speed),
-                _degrees(model.speed),
-                "" if row.speed_frame is None else row.speed_frame,
-                _degrees(row.step),
-                _number(row.step_needs_s),
-                _number(row.step_s),
-            )
-        )
-    table(
-        "Servos",
-        (
-            "servo",
-            "joint",
-            "range",
-            "limits",
-            "peak °/s",
-            "limit °/s",
-            "at frame",
-            "step °",
-            "needs s",
-            "has s",
-        ),
-        rows,
-    )
-
-
-def _show_ends(facts: PlanFacts) -> None:
-    rows = []
-    for end in facts.ends:
-        spans = (f"{_mm(low)} to {_mm(high)}" for low, high in zip(*facts.extent(end), strict=True))
-        rows.append((end.name, *spans))
-    table("Paths", ("end", "x mm", "y mm", "z mm"), rows)
-    columns = [re.sub(r"_(mm|s)$", r" \1", column).replace("_", " ") for column in ERROR_COLUMNS]
-    title = _of_what(facts)
-    table(title[0].upper() + title[1:], columns, list(error_rows(facts.ends, facts.seconds(1))))
-
-
-def _of_what(facts: PlanFacts) -> str:
-    """Return which error the facts tell: that of rounding alone, or that of what is built."""
-    return "error of the engine's schedule" if facts.engine else "error of rounding to whole cycles"
-
-
-def _degrees(value: float | None) -> str:
-    return "" if value is None else f"{degrees(value):z.1f}"
-
-
-def _mm(metres: float) -> str:
-    return f"{1000 * metres:z.2f}"
-
-
-def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:z.3f}"

@@ -127,6 +127,8 @@ def _run() -> int:
     if sys.argv[1:] == ["--version"]:
         print(f"servogen {__version__}")
         return 0
+    # pydantic would read the metadata of every installed package to find plugins, of which servogen has none.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     from servogen.cli.app import run  # typer alone takes longer than to print the version
 
     return run()

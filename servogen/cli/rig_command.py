@@ -30,7 +30,7 @@ from servogen.engines.inputs.serial import Stream
 from servogen.job import load, plan_job
 from servogen.pic.image import Image
 from servogen.simulator.sources import pin_number
-from servogen.workflows import PlayedJob, planned
+from servogen.workflows.engines import PlayedJob, planned
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,11 +9,11 @@ from typing import Annotated
 
 import typer
 
+from servogen.cli.chip_options import ChipOptions
 from servogen.cli.contracts import ContractRequest, verify_contract
 from servogen.cli.files import keep_apart, read_program, read_schedule_of
 from servogen.cli.options import (
     CaptureRate,
-    ChipOptions,
     ClockHz,
     Json,
     OwnDevice,
@@ -36,7 +36,6 @@ from servogen.traces.captures import is_capture, read_capture, sampled_at
 from servogen.units import Cycles
 from servogen.verify import Verdict, capture_lines, measurement_lines, verdict_lines
 from servogen.verify import measure as measured
-from servogen.workflows import judge_file, judge_image, motion_cycles
 from servogen.workflows.measured_schedule import measured_schedule
 from servogen.workflows.signals import (
     device_for,
@@ -49,7 +48,15 @@ from servogen.workflows.signals import (
     unscheduled_edges,
     wires_for,
 )
-from servogen.workflows.verification import hidden_by, judge_capture, judge_forever, not_judged
+from servogen.workflows.verification import (
+    hidden_by,
+    judge_capture,
+    judge_file,
+    judge_forever,
+    judge_image,
+    motion_cycles,
+    not_judged,
+)
 
 FOREVER_SECONDS = 3 * 3600.0
 """The time in which a repeated state is searched: TMR0 and a motion of 2000 frames repeat together in it."""

@@ -10,10 +10,10 @@ from typing import Annotated
 
 import typer
 
+from servogen.cli.chip_options import ChipOptions
 from servogen.cli.files import keep_apart, read_program
 from servogen.cli.options import (
     MAX_CYCLES,
-    ChipOptions,
     ClockHz,
     Json,
     OwnDevice,

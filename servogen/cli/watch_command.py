@@ -9,8 +9,8 @@ from typing import Annotated
 
 import typer
 
+from servogen.cli.chip_options import ChipOptions
 from servogen.cli.options import (
-    ChipOptions,
     ClockHz,
     OpensBrowser,
     OwnDevice,

@@ -26,7 +26,8 @@ from servogen.edges import PINS, edge_chunk
 from servogen.engines.board import board_of
 from servogen.engines.inputs.buttons import PRESSED_FRAMES
 from servogen.engines.inputs.commands import CommandButton, CommandLine, uart_byte
-from servogen.engines.player.engine import compiled, play
+from servogen.engines.player.engine import play
+from servogen.engines.player.firmware import compiled
 from servogen.engines.player.script import DirectionPlaces
 from servogen.errors import InputError, did_you_mean
 from servogen.job import PlannedJob

@@ -3,34 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from servogen.compiler import Compilation, Options, Source, compile_sources
 from servogen.engines.stored_script import Stored
-from servogen.errors import Diagnostic, InputError, ServogenError
+from servogen.errors import Diagnostic, ServogenError
 from servogen.units import Cycles
 
-TOO_LARGE = "program-too-large"
-"""The compiler's code for a program that the chip cannot hold."""
+if TYPE_CHECKING:
+    from servogen.compiler import Compilation  # planning a motion does not load the compiler
 
 
 class ResourceError(ServogenError):
     """A motion that can be planned but that its engine cannot fit on the chip."""
-
-
-def compiled_to_fit(
-    text: str, file: str, options: Options, title: str, engine: str, hint: str
-) -> Compilation:
-    """Return the compiled C of an engine. Raises ResourceError if the chip is too small for it."""
-    try:
-        return compile_sources([Source(text, file)], options)
-    except InputError as error:
-        if error.code != TOO_LARGE:  # a defect of the templates
-            raise
-        refusal = ResourceError(
-            "does-not-fit", f"{title}: planned, but more than {engine} can hold: {error.message}", hint=hint
-        )
-        refusal.details = error.details
-        raise refusal from error
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,6 @@ from servogen.errors import Diagnostic
 from servogen.job.drives import drive_of
 from servogen.job.job import Job, NamedPose, PlannedJob
 from servogen.job.poses import poses_of
-from servogen.job.programs import program_of
 from servogen.job.schema import SECTIONS, DriveTable, MotionTable, ProgramTable, Section, WalkTable
 from servogen.job.walks import walk_of, walk_on_command
 from servogen.kinematics.statics import gravity_torques, has_masses
@@ -144,6 +143,8 @@ def _motion(
                 return walk, (), directions
             return walk_of(job, section, _joint_limits(job, limits), others), (), ()
         case ProgramTable():
+            from servogen.job.programs import program_of  # a language of its own, which few jobs use
+
             return program_of(job, section, limits), (), ()
         case DriveTable():
             return drive_of(job, section), (), ()

@@ -5,6 +5,7 @@ In: a short name (`scara`, `rv-m1`, …), an alias, or a path that ends in .toml
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from importlib import resources
 from importlib.resources.abc import Traversable
@@ -95,7 +96,7 @@ def _catalogued(name: str) -> Robot:
     """Return the catalogue's robot with a short name or an alias. Raises InputError."""
     entries = _files()
     short = name.lower().replace("_", "-")
-    short = short if short in entries else _aliases().get(short, short)
+    short = short if short in entries else _name_of(short, entries) or short
     if short not in entries:
         raise InputError("unknown-robot", f"unknown robot '{name}'", hint=did_you_mean(name, entries))
     return _read(short)
@@ -106,11 +107,14 @@ def _files() -> dict[str, Traversable]:
     return {entry.name.removesuffix(TOML): entry for entry in folder.iterdir() if entry.name.endswith(TOML)}
 
 
-@cache
-def _aliases() -> dict[str, str]:
-    """Return other names of the catalogue's robots, such as `robotino` for `omni`."""
-    documents = {name: toml_file.parse(file.read_text("utf-8"), file.name) for name, file in _files().items()}
-    return {alias: name for name, document in documents.items() for alias in document.data.get("aliases", ())}
+def _name_of(alias: str, entries: Mapping[str, Traversable]) -> str | None:
+    """Return the short name of the robot that has another name, such as `omni` for `robotino`."""
+    for name, entry in entries.items():
+        text = entry.read_text("utf-8")
+        # Only a file with the word is parsed: parsing all takes longer than to plan a job.
+        if f'"{alias}"' in text and alias in toml_file.parse(text, entry.name).data.get("aliases", ()):
+            return name
+    return None
 
 
 @cache

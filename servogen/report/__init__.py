@@ -1,5 +1,1 @@
-"""The text report of a build; the other modules hold pages, pictures, films and tables for people."""
-
-from servogen.report.text import BuildFacts, Overrun, ProgramFacts, report_text, timing_budgets_text
-
-__all__ = ["BuildFacts", "Overrun", "ProgramFacts", "report_text", "timing_budgets_text"]
+"""What people read of a job or a build: text, pages, pictures, films and tables."""

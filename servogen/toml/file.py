@@ -30,7 +30,7 @@ UNITS = {
 class Table(BaseModel):
     """A TOML table: unknown keys, wrong types (a boolean is not a number), NaN and infinity are rejected."""
 
-    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
 
 Model = TypeVar("Model", bound=Table)

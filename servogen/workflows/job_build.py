@@ -23,7 +23,7 @@ from servogen.pic.image import Image, to_hex
 from servogen.pic.listing import listing_text
 from servogen.pulse import PulseSchedule
 from servogen.pulse.plan import PulsePlan
-from servogen.report import BuildFacts, Overrun, ProgramFacts, report_text
+from servogen.report.text import BuildFacts, Overrun, ProgramFacts, report_text
 from servogen.simulator import CHIP_DEPENDENT, Machine
 from servogen.simulator.stimulus import file_inputs
 from servogen.traces import write_edges

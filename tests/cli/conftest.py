@@ -10,7 +10,7 @@ import pytest
 
 from servogen.cli import main
 from servogen.job import load, plan_job
-from servogen.workflows import build, write
+from servogen.workflows.job_build import build, write
 
 ROOT = Path(__file__).parents[2]
 

@@ -16,6 +16,8 @@ from rich.text import Text
 from servogen.cli.app import GROUPS, MODULES, LazyCommands, app
 from tests.cli.conftest import Run
 
+JOB = str(Path(__file__).parents[2] / "jobs" / "hexapod-wave.toml")
+
 
 def helps() -> Iterator[str]:
     """The help of the application, of its commands and of their options."""
@@ -165,6 +167,41 @@ def test_only_the_module_of_the_command_is_loaded() -> None:
         loaded = {each.removeprefix("cli.") for each in loaded_by(name, "--help")}
         assert loaded & modules == {MODULES[name]}
     assert {each.removeprefix("cli.") for each in loaded_by("--help")} & modules == set()
+
+
+def test_checking_a_job_loads_no_compiler_no_simulator_and_no_library_for_pictures() -> None:
+    """A check plans: what makes, runs and shows the firmware is loaded by the commands that do so."""
+    loaded = loaded_by("check", JOB)
+    packages = {name.partition(".")[0] for name in loaded}
+    unused = {"compiler", "simulator", "verify", "traces", "prove", "movemaster"}
+    assert packages.isdisjoint(unused)
+    assert "job.plan" in loaded
+    assert "workflows.job_build" not in loaded
+
+
+def test_checking_a_job_loads_only_the_libraries_that_it_needs() -> None:
+    code = (
+        "import sys; from servogen.cli.app import run; sys.argv = ['servogen', 'check', sys.argv[1]]\n"
+        "before = {*sys.modules}; run(); print(*{name.partition('.')[0] for name in {*sys.modules} - before})"
+    )
+    words = [sys.executable, "-c", code, JOB]
+    ran = subprocess.run(words, capture_output=True, text=True, check=True)
+    loaded = set(ran.stdout.splitlines()[-1].split())
+    needed = {"numpy", "pydantic", "rich", "tree_sitter"}
+    assert needed <= loaded
+    heavy = {
+        "scipy",
+        "sympy",
+        "matplotlib",
+        "mujoco",
+        "pycparser",
+        "jinja2",
+        "z3",
+        "aiohttp",
+        "serial",
+        "vcd",
+    }
+    assert loaded.isdisjoint(heavy)
 
 
 def test_a_command_that_is_close_to_the_unknown_one_is_named() -> None:

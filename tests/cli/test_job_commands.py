@@ -13,16 +13,15 @@ from typing import Any
 import pytest
 
 from servogen import job as job_package
-from servogen import report
 from servogen import verify as verify_package
-from servogen import workflows as build_package
-from servogen.cli import build_commands, job_commands, tune_command, widths
+from servogen.cli import build_commands, tune_command, widths
 from servogen.engines.firmware import ResourceError
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.plan_error import PlanError
 from servogen.pulse import Quantised
+from servogen.report import text
 from servogen.units import Clock, Cycles
-from servogen.workflows import reporting, retarget
+from servogen.workflows import job_build, reporting, retarget
 from servogen.workflows.certificates import CertificateVerdict
 from tests.cli.conftest import Run
 from tests.cli.stand_ins import stand_in
@@ -163,11 +162,16 @@ def building(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         tell("compiling")
         return results["build"](job)
 
-    stand_in(monkeypatch, build_package, "build", build)
-    stand_in(monkeypatch, build_package, "write", lambda result, folder: results["written"].append(folder))
+    stand_in(monkeypatch, job_build, "build", build)
+    stand_in(
+        monkeypatch,
+        job_build,
+        "write",
+        lambda result, folder: results["written"].append(folder),
+    )
     results["theorems"] = [MISSING, MISSING]
     stand_in(monkeypatch, "servogen.cli.build_commands", "_theorems", lambda *given: results["theorems"])
-    stand_in(monkeypatch, "servogen.workflows.job_build", "hex_name", lambda result, program: "main.hex")
+    stand_in(monkeypatch, job_build, "hex_name", lambda result, program: "main.hex")
     return results
 
 
@@ -257,8 +261,8 @@ def test_only_who_asks_for_a_proof_is_refused_without_one(
     run: Run, building: dict[str, Any], tables: Tables, monkeypatch: pytest.MonkeyPatch,
     theorems: list[CertificateVerdict], words: tuple[str, ...], code: int,
 ) -> None:  # fmt: skip
-    stand_in(monkeypatch, "servogen.workflows.job_build", "program_facts", lambda result: ())
-    stand_in(monkeypatch, report, "timing_budgets_text", lambda facts, clock: iter(()))
+    stand_in(monkeypatch, job_build, "program_facts", lambda result: ())
+    stand_in(monkeypatch, text, "timing_budgets_text", lambda facts, clock: iter(()))
     building["theorems"] = theorems
     ran = run("build", "jobs/a.toml", *words)
     assert ran.code == code
@@ -299,7 +303,7 @@ def facts(**others: Any) -> Any:
 def test_a_plan_shows_its_servos_and_how_long_it_lasts(
     capsys: pytest.CaptureFixture[str], tables: Tables
 ) -> None:
-    job_commands._show_plan(facts(), ())
+    plan_command._show_plan(facts(), ())
     columns = ("servo", "joint", "range", "limits", "peak °/s", "limit °/s", "at frame", "step °", "needs s")
     rows = [
         ("a", "q1", "0.00 to 90.13°", "0 to 180°", "180.0", "600.0", 7, "", "", ""),
@@ -325,7 +329,7 @@ def test_a_plan_of_a_robot_shows_its_paths_and_its_error(
         rigid_legs_end=(0.1234, -0.02, math.pi / 2),
         plan=SimpleNamespace(schedule=still, warnings=()),
     )
-    job_commands._show_plan(found, ())
+    plan_command._show_plan(found, ())
     spans = ("L1", "1.00 to 100.00", "-250.00 to 250.00", "0.00 to 0.00")
     assert tables[1] == ("Paths", ("end", "x mm", "y mm", "z mm"), [spans])
     columns = ["end", "worst mm", "rms mm", "frame", "time s", "jacobian worst mm", "jacobian rms mm"]
@@ -577,8 +581,10 @@ def test_build_ends_with_its_folder_its_verdict_and_its_warnings(
     word: str,
 ) -> None:
     """In build/ and the job's name unless told otherwise."""
-    stand_in(monkeypatch, "servogen.workflows.job_build", "program_facts", lambda result: ())
-    stand_in(monkeypatch, report, "timing_budgets_text", lambda facts, clock: iter(["budgets"]))
+    stand_in(monkeypatch, job_build, "program_facts", lambda result: ())
+    stand_in(
+        monkeypatch, "servogen.report.text", "timing_budgets_text", lambda facts, clock: iter(["budgets"])
+    )
     building["build"] = lambda job: built(job.name, exact, 2)
     ran = run("build", "jobs/a.toml")
     assert (ran.code, ran.out.splitlines()) == (
@@ -614,7 +620,7 @@ def planning(monkeypatch: pytest.MonkeyPatch, building: dict[str, Any], tmp_path
     drawn: list[Any] = []
     found = facts(tracks=(), to_json=lambda: {"plan": 1})
     found.job.notes = ()
-    stand_in(monkeypatch, build_package, "nearest_pulses", lambda job: (job, "pulses"))
+    stand_in(monkeypatch, "servogen.workflows.engines", "nearest_pulses", lambda job: (job, "pulses"))
     stand_in(monkeypatch, plan_facts, "plan_facts", lambda job, pulses, engine: found)
     stand_in(monkeypatch, motion_table, "frame_lines", lambda *given: iter(["a", "b"]))
     stand_in(monkeypatch, motion_plot, "motion_plot", lambda *given: drawn.append(given[-1]))
@@ -659,7 +665,7 @@ def test_warnings_of_a_plan_and_a_check_come_last(
     note = Diagnostic("note", "n", "a note")
     job = SimpleNamespace(name="a", servos=[1, 2], warnings=warned, notes=(note,))
     stand_in(monkeypatch, job_package, "plan_job", lambda path: job)
-    stand_in(monkeypatch, build_package, "planned", lambda job: played)
+    stand_in(monkeypatch, "servogen.workflows.engines", "planned", lambda job: played)
     ran = run("check", "a.toml")
     assert ran.out.splitlines() == ["a note", f"a.toml: 2 servos, loop of 50 frames, 1 s; {PLAN}"]
     assert (ran.code, ran.err.splitlines()[0]) == (0, "2 warnings:")

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from servogen import traces, verify, workflows
+from servogen import traces, verify
 from servogen.errors import Diagnostic
 from servogen.pic.image import Image
 from servogen.pulse import Channel, Pulse, PulseSchedule, Run
@@ -56,8 +56,13 @@ def seen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Any]:
     program = SimpleNamespace(image=IMAGE, listing="listing")
     stand_in(monkeypatch, "servogen.programs", "read_schedule", lambda path: SCHEDULE)
     stand_in(monkeypatch, signals, "program_for", noted("program", lambda: program))
-    stand_in(monkeypatch, workflows, "judge_image", noted("image", lambda: found["verdict"]))
-    stand_in(monkeypatch, workflows, "judge_file", noted("file", lambda: found["verdict"]))
+    stand_in(
+        monkeypatch,
+        verification,
+        "judge_image",
+        noted("image", lambda: found["verdict"]),
+    )
+    stand_in(monkeypatch, verification, "judge_file", noted("file", lambda: found["verdict"]))
     stand_in(
         monkeypatch,
         verification,
@@ -213,7 +218,7 @@ def measuring(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Any]
     stand_in(monkeypatch, pulse_plot, "pulse_plot", drawn)
     stand_in(monkeypatch, "servogen.programs", "read_schedule", lambda path: SCHEDULE)
     stand_in(monkeypatch, "servogen.cli.files", "read_program", read)
-    stand_in(monkeypatch, workflows, "motion_cycles", lambda schedule: Cycles(40_000))
+    stand_in(monkeypatch, verification, "motion_cycles", lambda schedule: Cycles(40_000))
     monkeypatch.chdir(tmp_path)
     return found
 

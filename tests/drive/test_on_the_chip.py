@@ -24,7 +24,8 @@ from servogen.drive.session import DriveSession
 from servogen.drive.steering import Rates, steering_of
 from servogen.drive.sweep import Sweep, positions
 from servogen.edges import PINS
-from servogen.engines.stream.engine import compiled, stream
+from servogen.engines.stream.engine import stream
+from servogen.engines.stream.firmware import compiled
 from servogen.engines.stream.protocol import travel
 from servogen.job import PlannedJob, load, loads, plan_job
 from servogen.motion.trajectory import Floats

@@ -3,9 +3,9 @@
 import pytest
 
 from servogen.compiler import Options
-from servogen.engines.firmware import compiled_to_fit
+from servogen.engines.firmware import ResourceError
+from servogen.engines.fitting import compiled_to_fit
 from servogen.errors import InputError
-from servogen.workflows import ResourceError
 
 TOO_MANY_WORDS = f"void main() {{ {'nop(); ' * 1100} }}"
 TOO_MUCH_RAM = "char a[40], b[40]; void main() { a[b[0]] = 1; b[a[0]] = 1; }"

@@ -10,7 +10,7 @@ from servogen.engines.registry import ENGINES
 from servogen.errors import InputError, ServogenError
 from servogen.job import PlannedJob, load, loads, plan_job, template
 from servogen.pulse import plan
-from servogen.workflows import planned
+from servogen.workflows.engines import planned
 
 JOB = """\
 [chip]

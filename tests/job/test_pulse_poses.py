@@ -4,7 +4,7 @@ import pytest
 
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
-from servogen.workflows import nearest_pulses
+from servogen.workflows.engines import nearest_pulses
 
 JOB = """\
 [chip]

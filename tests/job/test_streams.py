@@ -20,7 +20,7 @@ from servogen.engines.stream.settings import (
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
 from servogen.units import Clock
-from servogen.workflows import planned
+from servogen.workflows.engines import planned
 
 CHIP = '[chip]\ndevice = "PIC16F84A"\nclock_hz = 4_000_000\n'
 

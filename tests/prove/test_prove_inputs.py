@@ -20,7 +20,7 @@ from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import Channel, Pulse, Run
 from servogen.simulator import Machine, NoRepeat, find_repeat, parse_stimuli
 from servogen.units import Clock, Cycles
-from servogen.workflows import planned
+from servogen.workflows.engines import planned
 from servogen.workflows.verification import judge_forever
 from tests.campaigns import sampled
 from tests.engines.player.player_jobs import job_text, sweep

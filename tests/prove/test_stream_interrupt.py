@@ -9,7 +9,8 @@ from fractions import Fraction
 import pytest
 
 from servogen.compiler import Options, Source, compile_sources
-from servogen.engines.stream.engine import compiled, stream
+from servogen.engines.stream.engine import stream
+from servogen.engines.stream.firmware import compiled
 from servogen.engines.stream.response import HALF, ROUND
 from servogen.engines.stream.settings import BIT_GAP, START_GAP
 from servogen.job import load, loads, plan_job

@@ -16,7 +16,8 @@ from typing import Any
 
 import pytest
 
-from servogen.engines.stream.engine import compiled, firmware, stream
+from servogen.engines.stream.engine import stream
+from servogen.engines.stream.firmware import compiled, firmware
 from servogen.engines.stream.protocol import NO_TRIM, SYNC, CommandKind, command_of
 from servogen.job import load, plan_job
 from servogen.pic.image import Image, read_hex, to_hex

@@ -15,7 +15,7 @@ from servogen.pulse import PulseSchedule, from_json
 from servogen.pulse.quantise import channel_error, largest
 from servogen.robot.servo import servo
 from servogen.robot.servo_models import servo_model
-from servogen.workflows import planned
+from servogen.workflows.engines import planned
 
 JOBS = Path(__file__).parents[2] / "jobs"
 

@@ -16,14 +16,14 @@ from servogen.edges import edge_chunk
 from servogen.job import load, plan_job
 from servogen.pic.listing import ListedFunction, Listing
 from servogen.pulse import plan
-from servogen.report import Overrun, ProgramFacts
 from servogen.report.drawing import Axis, dots_path, nice, points_path, pulses_path, steps_path
 from servogen.report.html import costs, program_values
 from servogen.report.signals import pose_frames, scopes
+from servogen.report.text import Overrun, ProgramFacts
 from servogen.report.wiring import package, remarks, wires
 from servogen.traces.captures import capture_writer
 from servogen.units import Clock, Cycles
-from servogen.workflows import planned
+from servogen.workflows.engines import planned
 from servogen.workflows.reporting import ReportPage, page_of
 from tests.campaigns import sampled
 

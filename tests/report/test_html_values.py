@@ -16,8 +16,9 @@ from servogen.job import PlannedJob, loads, plan_job
 from servogen.pic.listing import ListedFunction, Listing
 from servogen.plan_error import PlanError
 from servogen.pulse import PulsePlan, plan
-from servogen.report import Overrun, ProgramFacts, html
+from servogen.report import html
 from servogen.report.html import CaptureFacts, PageFacts
+from servogen.report.text import Overrun, ProgramFacts
 from servogen.units import Clock, Cycles
 
 TEXT = """

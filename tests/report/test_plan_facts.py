@@ -11,7 +11,7 @@ from servogen.errors import InputError
 from servogen.job import load, loads, plan_job
 from servogen.pulse.plan import plan
 from servogen.report.plan_facts import PlanFacts, plan_facts, rigid_legs_end
-from servogen.workflows import nearest_pulses, planned
+from servogen.workflows.engines import nearest_pulses, planned
 
 JOBS = Path(__file__).parents[2] / "jobs"
 CHIP = '[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n'

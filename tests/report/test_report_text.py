@@ -8,8 +8,7 @@ import pytest
 
 from servogen.job import load, plan_job
 from servogen.pulse.plan import plan
-from servogen.report import BuildFacts, report_text
-from servogen.report.text import _if_not_for_every_path
+from servogen.report.text import BuildFacts, _if_not_for_every_path, report_text
 
 JOBS = Path(__file__).parents[2] / "jobs"
 

@@ -13,7 +13,8 @@ from servogen.engines.firmware import TimingBudget
 from servogen.errors import Diagnostic, Location
 from servogen.pulse import Channel, Pulse, PulseSchedule, Quantised, Run
 from servogen.pulse.schedule import Input
-from servogen.report import Overrun, ProgramFacts, text
+from servogen.report import text
+from servogen.report.text import Overrun, ProgramFacts
 from servogen.units import Clock, Cycles
 
 CLOCK = Clock(8_000_000)  # a cycle is half a microsecond

@@ -17,10 +17,9 @@ from servogen.programs import read_program, read_schedule
 from servogen.simulator import Machine, SimulatorOptions
 from servogen.testing.targets import CaptureRequest, Simulator, check
 from servogen.units import Clock, Cycles
-from servogen.workflows import judge_image
 from servogen.workflows.job_build import judged
 from servogen.workflows.power_ups import BOARD
-from servogen.workflows.verification import judge_forever
+from servogen.workflows.verification import judge_forever, judge_image
 from tests.cli.conftest import Ran, run  # noqa: F401 - a fixture
 
 CASES = Path(__file__).parent

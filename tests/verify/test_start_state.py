@@ -12,8 +12,7 @@ import pytest
 from servogen.programs import read_program, read_schedule
 from servogen.testing.targets import CaptureRequest, Simulator, check
 from servogen.units import Cycles
-from servogen.workflows import checked_cycles, judge_edges, judge_image, running
-from servogen.workflows.verification import judge_forever
+from servogen.workflows.verification import checked_cycles, judge_edges, judge_forever, judge_image, running
 from tests.cli.conftest import Ran, run  # noqa: F401 - a fixture
 
 CASES = Path(__file__).parent / "start_state"

@@ -9,7 +9,9 @@ from servogen.engines.firmware import ResourceError
 from servogen.engines.player.shares import shares
 from servogen.errors import InputError, ServogenError
 from servogen.job import load, loads, plan_job
-from servogen.workflows import advice, build, planned
+from servogen.workflows import advice
+from servogen.workflows.engines import planned
+from servogen.workflows.job_build import build
 from tests.engines.player.player_jobs import ROOT, job_text, poses
 
 TRIPOD = (ROOT / "jobs" / "hexapod-tripod.toml").read_text()

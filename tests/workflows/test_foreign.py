@@ -20,7 +20,8 @@ from servogen.errors import InputError
 from servogen.job import PlannedJob, load, plan_job
 from servogen.pic.device import device
 from servogen.pic.image import Image, to_hex
-from servogen.workflows import PlayedJob, checked_cycles, judge_edges, planned, retarget, running
+from servogen.workflows import retarget
+from servogen.workflows.engines import PlayedJob, planned
 from servogen.workflows.retarget import (
     MARGIN,
     START,
@@ -33,6 +34,7 @@ from servogen.workflows.retarget import (
     _Write,
     tune_to,
 )
+from servogen.workflows.verification import checked_cycles, judge_edges, running
 from tests.campaigns import sampled
 from tests.workflows.other_compilers import other_compiler, sdcc, sdcc_compiled
 

@@ -17,7 +17,8 @@ from servogen.job import load, plan_job
 from servogen.pic.image import Image, from_hex
 from servogen.pic.isa import WORD_MASK
 from servogen.pulse import from_json
-from servogen.workflows import Build, build, checked_cycles, judge_edges, running, write
+from servogen.workflows.job_build import Build, build, write
+from servogen.workflows.verification import checked_cycles, judge_edges, running
 
 ROOT = Path(__file__).parent.parent.parent
 JOBS = ("lab8-program", "lab8-exercise", "lab9-program", "lab9-exercise")

@@ -16,8 +16,7 @@ from servogen.programs import read_schedule
 from servogen.pulse import PulseSchedule
 from servogen.simulator import SimulatorOptions
 from servogen.units import Cycles
-from servogen.workflows import checked_cycles, judge_edges
-from servogen.workflows.verification import START_FRAMES
+from servogen.workflows.verification import START_FRAMES, checked_cycles, judge_edges
 from tests.campaigns import sampled
 from tests.simulator.helpers import image
 

@@ -19,8 +19,9 @@ from servogen.engines.firmware import Firmware
 from servogen.job import load, plan_job
 from servogen.pic.image import Image, to_hex
 from servogen.pic.isa import decode, encode
-from servogen.workflows import PlayedJob, checked_cycles, planned
+from servogen.workflows.engines import PlayedJob, planned
 from servogen.workflows.job_build import judged
+from servogen.workflows.verification import checked_cycles
 from tests.cli.conftest import Ran, run  # noqa: F401 - a fixture
 
 JOB = Path(__file__).parents[2] / "jobs" / "lab8-exercise.toml"

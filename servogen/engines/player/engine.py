@@ -1,48 +1,29 @@
-"""The player of a job: planned and compiled, with the worst-case time of the C between its pulses.
-
-In: a job and a dialect. Out: the firmware, and the maximum number of cycles that its C takes from the end of
-one slot until the kernel reads the timer for the next, over all paths of the program's words.
-"""
+"""The player of a job: its motion as the player plays it; `firmware` has the C."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache
 from typing import Any
 
-from servogen.compiler import WORDS_NEEDED, Options
-from servogen.engines.firmware import Firmware, ResourceError, TimingBudget, compiled_to_fit
+from servogen.engines.firmware import Firmware, ResourceError
 from servogen.engines.inputs import given
 from servogen.engines.inputs.buttons import ControlButtons, waited, waited_motion
 from servogen.engines.inputs.commands import commander
-from servogen.engines.player import Playing, SlotLayout, playing
+from servogen.engines.player import Playing, playing
 from servogen.engines.player.commanded import commanded
 from servogen.engines.player.legs import LONGEST
 from servogen.engines.player.playing import BUTTONS_BYTES, COMMANDS_BYTES, DATA_BYTES, NEAR
-from servogen.engines.player.rendering import OVERRUN, render_player
 from servogen.engines.player.soft_start import with_soft_start
-from servogen.engines.player.theorem import allowances
 from servogen.engines.protocol import Engine, EngineJob, EnginePlan
-from servogen.engines.stored_script import Stored, eeprom_room, in_eeprom, in_flash
+from servogen.engines.stored_script import eeprom_room
 from servogen.errors import Diagnostic, InputError
 from servogen.motion import JointTrajectory
-from servogen.pic.device import PROGRAM_WORDS
-from servogen.pic.listing import Listing
-from servogen.pic.wcet import TimedProgram
 from servogen.pulse import PulseSchedule
-
-CHECK, DONE, WIDTHS = "pl_check", "pl_done", "pl_between"
-"""Labels of the assembly: the kernel's reading of the timer, its end; the code that only runs between
-frames.
-"""
 
 EEPROM_C = 16
 """The words of the C, at most, that reads a script from the EEPROM and the table before it."""
-
-TITLE = "the player"
-HINT = "fewer parts: let more of the motion repeat"
-"""The hint if the chip is too small."""
 
 
 def play(
@@ -92,87 +73,6 @@ def _check_soft_start(job: EngineJob, ends: Sequence[int]) -> None:
         )
 
 
-def compiled(job: EngineJob, played: Playing, dialect: str) -> Firmware:
-    """Return the firmware in `dialect`, with its script in flash, or, if flash is too small, in the EEPROM.
-
-    Raises ResourceError if the chip is too small for both.
-    """
-    script = played.encoded.script.data
-    buttons = given(job.inputs, ControlButtons) or ControlButtons()
-
-    def with_script(stored: Stored) -> Firmware:
-        text = render_player(played, stored, buttons, dialect, job.device, job.name)
-        return replace(firmware(text, job, played.layout, dialect), script=stored)
-
-    try:
-        return with_script(in_flash(script))
-    except ResourceError as error:
-        stored = in_eeprom(script, len(played.order))
-        needed = error.details.get(WORDS_NEEDED)
-        # Even without the bytes that go to the EEPROM it is too large: not compiled again.
-        if not isinstance(needed, int) or needed - len(stored.eeprom) > PROGRAM_WORDS:
-            raise
-        try:
-            return with_script(stored)
-        except ResourceError as larger:
-            why = larger.__cause__
-            assert isinstance(why, InputError)
-            message = (
-                f"{error.message}; with its script in the EEPROM, as far as it fits there, {why.message}"
-            )
-            refusal = ResourceError("does-not-fit", message, hint=HINT)
-            refusal.details = error.details
-            raise refusal from error
-
-
-def firmware(text: str, job: EngineJob, layout: SlotLayout, dialect: str) -> Firmware:
-    """Return a player's compiled C with its timing budgets. Raises ResourceError if the chip is too small."""
-    file = f"main.{dialect}.c"
-    options = Options(dialect=dialect, device=job.device)
-    built = compiled_to_fit(text, file, options, job.name, TITLE, HINT)
-    budgets = timing_budgets(built.listing, layout)
-    return Firmware(
-        dialect,
-        file,
-        text,
-        built,
-        budgets,
-        built.listing.variable(OVERRUN),
-        tuple(cautions(budgets)),
-    )
-
-
-def timing_budgets(listing: Listing, layout: SlotLayout) -> tuple[TimingBudget, ...]:
-    """Return the time that the C takes between two slots and between two frames, and the time it has."""
-    program = TimedProgram({row.address: row.word for row in listing.rows}, listing.functions)
-    maximum = partial(program.longest, listing.label(DONE), {listing.label(CHECK)})
-    slots, frames = allowances(listing, layout)
-    return (
-        TimingBudget(
-            "two slots", maximum(without={listing.label(WIDTHS)}), slots.same_edges, slots.late_is_seen
-        ),
-        TimingBudget("two frames", maximum(), frames.same_edges, frames.late_is_seen),
-    )
-
-
-def cautions(budgets: tuple[TimingBudget, ...]) -> Iterator[Diagnostic]:
-    """Yield a warning for C that may take too long, even if the simulated motion is exact."""
-    for budget in budgets:
-        if budget.left is None:
-            yield Diagnostic(
-                "warning",
-                "player-room",
-                f"the worst-case time of the C between {budget.between} is not known",
-            )
-        elif budget.left < 0:
-            yield Diagnostic(
-                "warning",
-                "player-room",
-                f"the C between {budget.between} may take {budget.worst} cycles, "
-                f"{-budget.left} more than it has",
-            )
-
-
 @dataclass(frozen=True, slots=True)
 class _Made:
     """A motion as the player plays it, and all frames that it can play; `make` compiles each dialect once."""
@@ -202,7 +102,14 @@ class _Made:
 
 def _made(job: EngineJob, max_error_us: float, **choices: Any) -> _Made:
     motion, played, whole = play(job, max_error_us, **choices)
-    return _Made(motion, played, whole, cache(lambda dialect: compiled(job, played, dialect)))
+
+    @cache
+    def make(dialect: str) -> Firmware:
+        from servogen.engines.player.firmware import compiled  # the compiler: only to make the firmware
+
+        return compiled(job, played, dialect)
+
+    return _Made(motion, played, whole, make)
 
 
 def _closest(job: EngineJob, usual: _Made) -> _Made:
@@ -240,7 +147,7 @@ def _told(usual: _Made, closest: _Made) -> Diagnostic:
 class PlayerEngine:
     """Plays poses from flash, moving between them by laws computed on the chip."""
 
-    title = TITLE
+    title = "the player"
 
     def plan(self, job: EngineJob) -> EnginePlan:
         """Plan the job's frames; a dialect's C is compiled when its firmware is requested."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from functools import cache
 
+from servogen.engines.firmware import Firmware
 from servogen.engines.protocol import Engine, EngineJob, EnginePlan
-from servogen.engines.sequence.tuning import tune
 from servogen.pulse.plan import plan
 
 
@@ -17,7 +17,13 @@ class SequenceEngine:
     def plan(self, job: EngineJob) -> EnginePlan:
         """Plan the pulses; a dialect's delays are tuned when its firmware is requested."""
         planned = plan(job.trajectory, job.servos, job.frame)
-        make = cache(lambda dialect: tune(planned.schedule, dialect, job.device, job.name))
+
+        @cache
+        def make(dialect: str) -> Firmware:
+            from servogen.engines.sequence.tuning import tune  # the compiler: only to make the firmware
+
+            return tune(planned.schedule, dialect, job.device, job.name)
+
         return EnginePlan(job.trajectory, planned, make)
 
 

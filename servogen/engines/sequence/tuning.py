@@ -16,7 +16,8 @@ import numpy as np
 from servogen.compiler import Compilation, Options
 from servogen.edges import EdgeChunk, EdgeTrace
 from servogen.engines.board import board_of
-from servogen.engines.firmware import Firmware, ResourceError, compiled_to_fit
+from servogen.engines.firmware import Firmware, ResourceError
+from servogen.engines.fitting import compiled_to_fit
 from servogen.engines.sequence.programs import DelayPath, Overheads, Sequence
 from servogen.engines.sequence.rendering import render
 from servogen.engines.sequence.sequencing import sequence

@@ -12,7 +12,7 @@ from fractions import Fraction
 
 from servogen.engines.inputs.serial import HOLD
 from servogen.engines.protocol import EngineJob
-from servogen.engines.stream.engine import TRIMS, compiled
+from servogen.engines.stream.firmware import TRIMS, compiled
 from servogen.engines.stream.layout import LATEST, ROUND
 from servogen.engines.stream.protocol import BITS, BYTES
 from servogen.engines.stream.response import Response, response

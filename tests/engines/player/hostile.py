@@ -26,7 +26,8 @@ import numpy as np
 from servogen.compiler import Compilation, Options, Source, compile_sources
 from servogen.edges import HIGH, EdgeChunk, join
 from servogen.engines.board import machine_of
-from servogen.engines.player.engine import CHECK, DONE, compiled, play
+from servogen.engines.player.engine import play
+from servogen.engines.player.firmware import CHECK, DONE, compiled
 from servogen.engines.player.theorem import KERNEL, Allowance, allowances
 from servogen.errors import InputError
 from servogen.job import loads, plan_job

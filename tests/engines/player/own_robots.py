@@ -21,8 +21,9 @@ from servogen.engines.c_text import DIALECTS
 from servogen.errors import ServogenError
 from servogen.job import PlannedJob, load, plan_job
 from servogen.plan_error import PlanError
-from servogen.workflows import BuiltProgram, checked_cycles, planned
-from servogen.workflows.job_build import judged
+from servogen.workflows.engines import planned
+from servogen.workflows.job_build import BuiltProgram, judged
+from servogen.workflows.verification import checked_cycles
 
 PINS = (*(f"RB{bit}" for bit in range(8)), *(f"RA{bit}" for bit in range(4)))
 LEGS = ("L1", "L2", "L3", "R1", "R2", "R3")

@@ -19,7 +19,8 @@ from servogen.engines.player.engine import play
 from servogen.job import load, loads, plan_job
 from servogen.pulse import PulseSchedule, Run
 from servogen.units import Cycles
-from servogen.workflows import Build, build, judge_edges, running
+from servogen.workflows.job_build import Build, build
+from servogen.workflows.verification import judge_edges, running
 
 ROOT = Path(__file__).parents[3]
 ALL_PINS = (*PINS[5:], *PINS[:5])

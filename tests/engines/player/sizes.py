@@ -9,7 +9,7 @@ from __future__ import annotations
 from servogen.compiler import Options, Source, compile_sources
 from servogen.engines.player.engine import play
 from servogen.job import load, plan_job
-from servogen.workflows import planned
+from servogen.workflows.engines import planned
 from tests.engines.player.player_jobs import ROOT
 
 JOBS = ("hexapod-tripod", "hexapod-ripple", "hexapod-wave", "hexapod-turn", "scara-pick", "rvm1-program")

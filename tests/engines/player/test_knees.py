@@ -12,7 +12,8 @@ import pytest
 from servogen.engines.firmware import ResourceError
 from servogen.engines.player.arithmetic import FRACTION
 from servogen.engines.player.encoding import WidthScale
-from servogen.engines.player.engine import compiled, play
+from servogen.engines.player.engine import play
+from servogen.engines.player.firmware import compiled
 from servogen.engines.player.knees import MAX_BEND, Knees, knees_of
 from servogen.job import PlannedJob, load, plan_job
 from servogen.robot.servo import Servo, calibration, servo
@@ -106,7 +107,7 @@ def test_where_knees_have_no_room_the_servo_is_named(
     def refused(*_: object, **__: object) -> None:
         raise ResourceError("does-not-fit", "no room")
 
-    monkeypatch.setattr("servogen.engines.player.engine.compiled", refused)
+    monkeypatch.setattr("servogen.engines.player.firmware.compiled", refused)
     with pytest.raises(ResourceError) as caught:
         engines.planned(walk)
     assert caught.value.code == "beyond-max-error"

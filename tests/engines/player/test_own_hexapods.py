@@ -9,7 +9,7 @@ import pytest
 
 from servogen.engines.c_text import DIALECTS
 from servogen.job import loads, plan_job
-from servogen.workflows import Build, build
+from servogen.workflows.job_build import Build, build
 from tests.engines.player.own_robots import Outcome, Robot, outcome, robots
 from tests.engines.player.player_jobs import ROOT
 

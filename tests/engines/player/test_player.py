@@ -11,7 +11,8 @@ from servogen.job import loads, plan_job
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES
 from servogen.simulator import Machine
 from servogen.units import Cycles
-from servogen.workflows import judge_edges, planned, running
+from servogen.workflows.engines import planned
+from servogen.workflows.verification import judge_edges, running
 from tests.campaigns import sampled
 from tests.engines.player.player_jobs import (
     ROOT,

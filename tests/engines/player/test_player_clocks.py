@@ -10,7 +10,8 @@ from servogen.engines.player.engine import play
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
 from servogen.units import Clock, Cycles
-from servogen.workflows import judge_edges, planned, running
+from servogen.workflows.engines import planned
+from servogen.workflows.verification import judge_edges, running
 from tests.campaigns import sampled
 from tests.engines.player.player_jobs import built_text, job_text, poses, sweep, trimmed
 

@@ -13,8 +13,7 @@ from servogen.pulse.expected import expected
 from servogen.simulator import Machine, Reset, SimulatorOptions, Stimuli
 from servogen.units import Cycles
 from servogen.verify import Verdict, verify
-from servogen.workflows import judge_edges, running
-from servogen.workflows.verification import motion_cycles
+from servogen.workflows.verification import judge_edges, motion_cycles, running
 from tests.campaigns import sampled
 from tests.engines.player.player_jobs import built, built_text, job_text, sweep, trimmed, widths
 

@@ -6,11 +6,12 @@ import pytest
 
 from servogen.engines.board import machine_of
 from servogen.engines.c_text import DIALECTS
-from servogen.engines.player.engine import CHECK, DONE, WIDTHS, firmware, play
+from servogen.engines.player.engine import play
+from servogen.engines.player.firmware import CHECK, DONE, WIDTHS, firmware
 from servogen.engines.player.theorem import LAST_WORDS
 from servogen.job import loads, plan_job
 from servogen.pic.isa import decode
-from servogen.workflows import planned
+from servogen.workflows.engines import planned
 from servogen.workflows.job_build import Build, judged, report
 from servogen.workflows.verification import checked_cycles
 from tests.campaigns import sampled

@@ -9,7 +9,8 @@ import pytest
 
 from servogen.edges import HIGH, EdgeChunk
 from servogen.engines.board import machine_of
-from servogen.engines.player.engine import CHECK, DONE, play
+from servogen.engines.player.engine import play
+from servogen.engines.player.firmware import CHECK, DONE
 from servogen.engines.player.layout import TAIL, Slot, SlotLayout, to_rise
 from servogen.engines.player.theorem import KERNEL, KernelChanged, allowances
 from servogen.job import load, plan_job
@@ -18,7 +19,7 @@ from servogen.pic.image import Image
 from servogen.pic.isa import encode
 from servogen.pic.listing import Listing
 from servogen.simulator import Machine
-from servogen.workflows import report
+from servogen.workflows.job_build import report
 from tests.engines.player.hostile import Base, _played, base, outcome, run
 from tests.engines.player.player_jobs import ROOT, built, built_text, job_text, sweep
 

@@ -26,7 +26,7 @@ from servogen.engines.inputs.commands import (
 from servogen.engines.player import engine, shares
 from servogen.engines.player.arithmetic import blended, excursion, weights
 from servogen.engines.player.encoding import Rows, WidthScale, row_table, scale_of, shift_of
-from servogen.engines.player.engine import cautions
+from servogen.engines.player.firmware import cautions
 from servogen.engines.player.layout import (
     Demand,
     Slot,

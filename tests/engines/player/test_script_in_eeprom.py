@@ -11,16 +11,18 @@ from servogen.engines.board import board_of
 from servogen.engines.c_text import DIALECTS
 from servogen.engines.firmware import Firmware, ResourceError
 from servogen.engines.player import Playing
-from servogen.engines.player.engine import firmware, play
+from servogen.engines.player.engine import play
+from servogen.engines.player.firmware import firmware
 from servogen.engines.player.rendering import render_player
 from servogen.engines.stored_script import in_eeprom, in_flash
 from servogen.job import PlannedJob, loads, plan_job
 from servogen.pic.device import PROGRAM_WORDS
 from servogen.prove import Quantifiers, prove_for_all
 from servogen.prove.eeprom import TrimSearch
-from servogen.workflows import Build, build, checked_cycles, planned
+from servogen.workflows.engines import planned
+from servogen.workflows.job_build import Build, build, report
 from servogen.workflows.job_build import judged as compared
-from servogen.workflows.job_build import report
+from servogen.workflows.verification import checked_cycles
 from tests.engines.player.command_walks import JOB, problems, random_line
 from tests.engines.player.player_jobs import ROOT, built_text, job_text, sweep, trimmed
 

@@ -8,8 +8,8 @@ import pytest
 from servogen.edges import HIGH, PINS, EdgeTrace, join
 from servogen.simulator import Machine, SimulatorOptions
 from servogen.units import Cycles
-from servogen.workflows import judge_edges
 from servogen.workflows.job_build import Build, BuiltProgram
+from servogen.workflows.verification import judge_edges
 from tests.engines.player.player_jobs import built
 from tests.engines.player.test_player_faults import WDT_ON
 

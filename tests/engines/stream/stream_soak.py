@@ -9,7 +9,8 @@ from pathlib import Path
 
 from servogen.edges import HIGH, PINS, EdgeTrace, part
 from servogen.engines.board import board_of
-from servogen.engines.stream.engine import compiled, stream
+from servogen.engines.stream.engine import stream
+from servogen.engines.stream.firmware import compiled
 from servogen.engines.stream.streaming import Streaming
 from servogen.job import PlannedJob, load, plan_job
 from servogen.pic.image import Image

@@ -14,8 +14,8 @@ import pytest
 from servogen.compiler import Options, Source, compile_sources
 from servogen.edges import HIGH, LOW, PINS, Driven, EdgeChunk, EdgeTrace, join, part
 from servogen.engines.board import board_of
-from servogen.engines.stream.engine import compiled
-from servogen.engines.stream.engine import firmware as made_of
+from servogen.engines.stream.firmware import compiled
+from servogen.engines.stream.firmware import firmware as made_of
 from servogen.engines.stream.layout import RoundLayout
 from servogen.engines.stream.protocol import (
     MAX_VALUE,
@@ -35,9 +35,9 @@ from servogen.pulse.expected import expected
 from servogen.simulator import Levels, Machine, Reset, Stimuli
 from servogen.units import Cycles
 from servogen.verify import verify
-from servogen.workflows import build, judge_edges, planned, running
-from servogen.workflows.job_build import Build, judged, report
-from servogen.workflows.verification import checked_cycles, judge_forever, motion_cycles
+from servogen.workflows.engines import planned
+from servogen.workflows.job_build import Build, build, judged, report
+from servogen.workflows.verification import checked_cycles, judge_edges, judge_forever, motion_cycles, running
 from tests.campaigns import sampled
 from tests.engines.stream import stream_soak
 from tests.engines.stream.chip_model import Chip, schedule, widths

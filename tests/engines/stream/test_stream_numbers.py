@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 from servogen.engines.inputs.serial import Stream
-from servogen.engines.stream.engine import TRIMS, _idle, stream, timing_budgets
+from servogen.engines.stream.engine import _idle, stream
+from servogen.engines.stream.firmware import TRIMS, timing_budgets
 from servogen.engines.stream.layout import RoundLayout, layout
 from servogen.engines.stream.protocol import (
     CommandKind,
@@ -314,7 +315,7 @@ def test_the_bounds_are_asked_for_with_the_travel_and_the_command(monkeypatch: p
         asked.append((rounds, travel, apart))
         return Response(Cycles(900), Cycles(100), Cycles(1500), 3, 0)
 
-    monkeypatch.setattr("servogen.engines.stream.engine.response", response)
+    monkeypatch.setattr("servogen.engines.stream.firmware.response", response)
     listing: Any = None
     first, second = timing_budgets(listing, ARM)
     # Nine bits of 104 units and 15 to the start bit's sample are a byte; two trims are up to 255 apart.
@@ -322,7 +323,7 @@ def test_the_bounds_are_asked_for_with_the_travel_and_the_command(monkeypatch: p
     assert (first.between, first.worst, first.room) == ("a request and its slot", 900, 1500)
     assert (second.between, second.worst, second.left) == ("the same, after a command", 900, 600)
     monkeypatch.setattr(
-        "servogen.engines.stream.engine.response", lambda *_: Response(Cycles(900), None, None, 3, 0)
+        "servogen.engines.stream.firmware.response", lambda *_: Response(Cycles(900), None, None, 3, 0)
     )
     first, second = timing_budgets(listing, ARM)
     assert (first.worst, first.room, second.worst) == (900, 0, None)

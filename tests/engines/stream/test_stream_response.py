@@ -13,7 +13,7 @@ import pytest
 from servogen.compiler import Options, Source, compile_sources
 from servogen.engines.board import board_of
 from servogen.engines.firmware import Firmware
-from servogen.engines.stream.engine import compiled
+from servogen.engines.stream.firmware import compiled
 from servogen.engines.stream.response import Response, response
 from servogen.job import loads, plan_job
 from servogen.pic.listing import Listing

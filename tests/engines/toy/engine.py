@@ -9,7 +9,8 @@ from functools import cache
 
 from servogen.compiler import Options
 from servogen.engines.c_text import ports_of, render_template
-from servogen.engines.firmware import Firmware, compiled_to_fit
+from servogen.engines.firmware import Firmware
+from servogen.engines.fitting import compiled_to_fit
 from servogen.engines.inputs import given
 from servogen.engines.protocol import Engine, EngineJob, EnginePlan
 from servogen.engines.sequence.waits import CALLS
