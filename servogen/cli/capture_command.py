@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from servogen.cli.files import read_schedule_of
-from servogen.cli.options import Json
+from servogen.cli.options import Json, sampling_rate_option
 from servogen.cli.show import as_json, next_step, progress, status, warn
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.units import counted
@@ -34,9 +34,7 @@ class CaptureOptions:
     ] = None
     rate: Annotated[
         int | None,
-        typer.Option(
-            "--rate", min=1, help="Sampling rate in Hz (default: 1 MHz; with --sigrok less if it has to fit)."
-        ),
+        sampling_rate_option("Sampling rate in Hz (default: 1 MHz; with --sigrok less if it has to fit)."),
     ] = None
     rle: Annotated[
         bool,

@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from servogen.cli.options import baud_option
 from servogen.drive.commands import (
     KEYS,
     CommandSource,
@@ -28,10 +29,7 @@ KEYS_HELP = (
 WALK_KEYS_HELP = "w a s d or the arrows (a robot with one button: Tab), space stops, q ends"
 
 Port = Annotated[str | None, typer.Option("--port", "-p", help="The robot's serial port.")]
-Baud = Annotated[
-    int | None,
-    typer.Option("--baud", min=50, help="Baud rate of the line (default: that of the job's stream table)."),
-]
+Baud = Annotated[int | None, baud_option("that of the job's stream table")]
 RangeUs = Annotated[
     str | None,
     typer.Option(

@@ -9,10 +9,10 @@ from typing import Annotated
 
 import typer
 
-from servogen.cli.options import CLOCK_HZ, Animate, Csv, Json, Plot, table_option, usual
+from servogen.cli.options import CLOCK_HZ, Animate, Csv, Json, PeriodUs, Plot, table_option, usual
 from servogen.cli.show import as_json, next_step, status, table, warn_of_all
 from servogen.errors import Diagnostic, InputError, Location
-from servogen.job.schema import MAX_MM, SegmentTable, WalkTable
+from servogen.job.schema import MAX_MM, RoutineTable, SegmentTable, WalkTable
 from servogen.job.starter import KINDS
 from servogen.kinematics.catalogue import robot
 from servogen.kinematics.protocol import Posture, WalkingRobot
@@ -53,13 +53,11 @@ class GaitOptions:
     ] = None
     stride_mm: Annotated[
         float,
-        typer.Option("--stride-mm", min=-MAX_MM, max=MAX_MM, help="How far the body moves in a cycle."),
+        table_option(SegmentTable, "forward_mm", "How far the body moves in a cycle.", "--stride-mm"),
     ] = 40.0
     direction_deg: Annotated[
         float,
-        typer.Option(
-            "--direction-deg", min=-360, max=360, help="Direction of the stride: 0 is forward, 90 is left."
-        ),
+        table_option(RoutineTable, "direction_deg", "Direction of the stride: 0 is forward, 90 is left."),
     ] = 0.0
     turn_deg: Annotated[
         float,
@@ -122,7 +120,7 @@ class PostureOptions:
         ),
     ] = (0.0, 0.0)
     body_yaw_deg: Annotated[
-        float, typer.Option("--body-yaw-deg", min=-180, max=180, help="How far it is turned over its feet.")
+        float, table_option(WalkTable, "body_yaw_deg", "How far it is turned over its feet.")
     ] = 0.0
     body_tilt_deg: Annotated[
         tuple[float, float],
@@ -132,10 +130,8 @@ class PostureOptions:
     ] = (0.0, 0.0)
     margin_mm: Annotated[
         float | None,
-        typer.Option(
-            "--margin-mm", min=0, help="How far inside the other feet it leans before a foot lifts."
-        ),
-    ] = None
+        table_option(WalkTable, "margin_mm", "How far inside the other feet it leans before a foot lifts."),
+    ] = usual(WalkTable, "margin_mm")
     beta_sign: Annotated[
         int, typer.Option("--beta-sign", help="1: lifted feet move backwards; -1: forwards.")
     ] = 1
@@ -197,9 +193,7 @@ class JointOptions:
     servo: Annotated[
         str, typer.Option("--servo", help="The servo model of the joints, whose speed is the limit.")
     ] = "mpx-tiny-s"
-    period_us: Annotated[
-        int, typer.Option("--period-us", min=1000, max=1_000_000, help="Frame period in µs.")
-    ] = 20_000
+    period_us: PeriodUs = 20_000
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,8 +29,8 @@ def number(text: str) -> float:
         raise typer.BadParameter(f"'{text}' is not {kind}") from None
 
 
-def table_option(table: type[Table], key: str, help: str) -> Any:
-    """Return the option `--key` for a key of a file's table, with the key's range.
+def table_option(table: type[Table], key: str, help: str, flag: str | None = None) -> Any:
+    """Return the option `--key`, or another `flag`, for a key of a file's table, with the key's range.
 
     Bounds that the key excludes are allowed here: the planner refuses them with the reason.
     """
@@ -41,12 +41,23 @@ def table_option(table: type[Table], key: str, help: str) -> Any:
         if hasattr(bound, name)
     }
     low, high = limits.get("ge", limits.get("gt")), limits.get("le", limits.get("lt"))
-    return typer.Option(f"--{key.replace('_', '-')}", min=low, max=high, help=help)
+    return typer.Option(flag or f"--{key.replace('_', '-')}", min=low, max=high, help=help)
 
 
 def usual(table: type[Table], key: str) -> Any:
     """Return the default of a key of a file's table."""
     return table.model_fields[key].default
+
+
+def baud_option(default: str) -> Any:
+    """Return the option `--baud` of a serial line; `default` says which rate it has without."""
+    # The slowest rate that serial ports of computers offer.
+    return typer.Option("--baud", min=50, help=f"Baud rate of the serial line (default: {default}).")
+
+
+def sampling_rate_option(help: str) -> Any:
+    """Return the option `--rate` of an analyser or of its recording, in whole samples per second."""
+    return typer.Option("--rate", min=1, help=help)
 
 
 JobFile = Annotated[Path, typer.Argument(help="A job file (TOML).", show_default=False)]
@@ -73,6 +84,7 @@ def duration(text: str) -> float:
     return seconds
 
 
+PeriodUs = Annotated[int, typer.Option("--period-us", min=1000, max=1_000_000, help="Frame period in µs.")]
 Seconds = Annotated[
     float | None,
     typer.Option("--seconds", parser=duration, metavar="SECONDS", help="Duration in simulated seconds."),
@@ -93,7 +105,7 @@ Partial = Annotated[
 ]
 CaptureRate = Annotated[
     int | None,
-    typer.Option("--rate", min=1, help="The capture's sampling rate in Hz, if its file does not state it."),
+    sampling_rate_option("The capture's sampling rate in Hz, if its file does not state it."),
 ]
 RecordedWires = Annotated[
     list[str] | None,

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from servogen.cli.options import CLOCK_HZ, Json, table_option, usual
+from servogen.cli.options import CLOCK_HZ, Json, PeriodUs, table_option, usual
 from servogen.cli.show import as_json, next_step, table, warn_of_all
 from servogen.job.schema import ProgramTable
 from servogen.kinematics.catalogue import arm
@@ -34,7 +34,7 @@ class ProgramOptions:
             help="The value of the input port from a time in seconds on, such as 1.5=&1F (repeatable).",
         ),
     ] = None
-    period_us: Annotated[int, typer.Option("--period-us", min=1000, help="Frame period in µs.")] = 20_000
+    period_us: PeriodUs = 20_000
     repeat: Annotated[bool, typer.Option("--repeat", help="Repeat the program endlessly.")] = False
     max_commands: Annotated[
         int,

@@ -21,7 +21,7 @@ from servogen.bench.virtual.board import BoardOptions
 from servogen.bench.virtual.rig import RigOptions, with_fault
 from servogen.bench.virtual.rig import rig as opened
 from servogen.cli.files import read_image
-from servogen.cli.options import JobFile, Json
+from servogen.cli.options import JobFile, Json, baud_option, sampling_rate_option
 from servogen.cli.show import as_json, status
 from servogen.drive.on_command import line_baud
 from servogen.engines.board import board_of
@@ -47,10 +47,7 @@ class RigLine:
         str | None,
         typer.Option("--serial-out", help="The pin on which the chip sends (default: the job's, or none)."),
     ] = None
-    baud: Annotated[
-        int | None,
-        typer.Option("--baud", min=50, help="Baud rate of the serial line (default: the job's, or 2400)."),
-    ] = None
+    baud: Annotated[int | None, baud_option("the job's, or 2400")] = None
     inverted: Annotated[bool, typer.Option("--inverted", help="The serial line idles low.")] = False
 
 
@@ -65,9 +62,7 @@ class BenchOptions:
     memory: Annotated[int, typer.Option("--memory", min=16, help="The analyser's memory in bytes.")] = (
         24 * 1024
     )
-    fastest: Annotated[
-        int, typer.Option("--rate", min=1, help="The analyser's maximum sampling rate in Hz.")
-    ] = 10**8
+    fastest: Annotated[int, sampling_rate_option("The analyser's maximum sampling rate in Hz.")] = 10**8
     glitches: Annotated[float, typer.Option("--noise", min=0, help="Wrong samples per second.")] = 0.0
     fault: Annotated[
         list[str] | None,

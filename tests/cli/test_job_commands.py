@@ -14,7 +14,7 @@ import pytest
 
 from servogen import job as job_package
 from servogen import verify as verify_package
-from servogen.cli import build_commands, tune_command, widths
+from servogen.cli import build_commands, plan_command, tune_command, widths
 from servogen.engines.firmware import ResourceError
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.plan_error import PlanError
