@@ -131,14 +131,6 @@ def dots_path(x: Floats, y: Floats) -> str:
     return "".join(f"M{one} {other}h0" for one, other in seen)
 
 
-def pulses_path(rise: Floats, fall: Floats, low: float, high: float, first: float, last: float) -> str:
-    """Return the path of a logic signal in pixels, low at its ends."""
-    parts = [f"M{px(first)} {px(low)}"]
-    for one, other in zip(rise.tolist(), fall.tolist(), strict=True):
-        parts.append(f"H{px(one)}V{px(high)}H{px(other)}V{px(low)}")
-    return "".join([*parts, f"H{px(last)}"])
-
-
 def time_chart(
     times: Floats,
     columns: Floats,

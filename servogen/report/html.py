@@ -24,7 +24,7 @@ from servogen.pulse import PulsePlan, PulseSchedule
 from servogen.report.drawing import Chart, path_chart, time_chart
 from servogen.report.motion_table import widths_us
 from servogen.report.robot_model import robot_model
-from servogen.report.signals import captured, planned, pose_frames, scopes, shown_us, simulated
+from servogen.report.signals import captured, frames_to_show, planned, pose_frames, shown_us, simulated
 from servogen.report.text import ProgramFacts, rounded_width, sentence
 from servogen.report.tracks import Track, error_rows, errors_of, tracks_of
 from servogen.report.viewer import embedded_json, viewer_colours, viewer_script
@@ -201,7 +201,7 @@ def _signal_values(facts: PageFacts) -> dict[str, object]:
     if facts.capture is not None:
         groups.append(captured(schedule, facts.capture.trace, facts.capture.verdict))
     rows = [row for channel in zip(*groups, strict=True) for row in channel]
-    shown = scopes(schedule, pose_frames(facts.job))
+    shown = frames_to_show(schedule, pose_frames(facts.job))
     span = shown_us(schedule)
     period = float(schedule.clock.us(schedule.period))
     start = min(shown[0].start_us if shown else 0.0, max(0.0, span - FIRST_FRAMES * period))
@@ -230,7 +230,7 @@ def _signal_values(facts: PageFacts) -> dict[str, object]:
         "signal_data": embedded_json(data),
         "viewer_script": viewer_script(),
         "viewer_colours": viewer_colours(),
-        "scopes": shown,
+        "views": shown,
         "span_s": f"{span / 1e6:g}",
         "cut": span < whole,
     }

@@ -1,7 +1,7 @@
 """The pulses of a page: what was planned, simulated and captured, channel by channel, in µs of the chip.
 
 In: a schedule and traces. Out: `Signal`s, each with its pulses as numbers for the page's viewer; and
-`ScopeView`s, the distinct frames as an oscilloscope shows them.
+`FrameView`s, the distinct frames that it can be sent to.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from servogen.edges import PINS, EdgeTrace
 from servogen.job import PlannedJob
 from servogen.pulse import PulseSchedule, Run
 from servogen.pulses import pulses
-from servogen.report.drawing import PALETTE, pulses_path, px
+from servogen.report.drawing import PALETTE
 from servogen.verify import CaptureVerdict
 
 Floats = npt.NDArray[np.float64]
@@ -24,14 +24,14 @@ Floats = npt.NDArray[np.float64]
 MAX_FRAMES = 2000
 """The number of frames up to which a motion is drawn."""
 
-MAX_SCOPES = 6
+MAX_VIEWS = 6
 """The number of frames that are shown, unless there are more poses."""
 
 SAME_DIGITS = 9
 """The number of decimals of radians to which angles are compared."""
 
-WIDTH, LOW, HIGH_Y = 880.0, 26.0, 6.0
-LANE = 32
+SPARE, BEFORE = 1.06, 0.04
+"""How much longer than a frame's pulses the shown span is, and how much of that lies before the frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,25 +47,12 @@ class Signal:
 
 
 @dataclass(frozen=True, slots=True)
-class ScopeLine:
-    channel: str
-    path: str
-    colour: str
-    label_x: str
-    label: str
-    y: int
-    """The row: pulses that overlap in time are drawn below each other."""
-
-
-@dataclass(frozen=True, slots=True)
-class ScopeView:
-    """A frame: the time of its first occurrence, and its pulses, one line per channel."""
+class FrameView:
+    """A frame that the viewer can show: its first beginning in words, and the span of time around it."""
 
     title: str
     start_us: float
     end_us: float
-    lines: tuple[ScopeLine, ...]
-    height: int
 
 
 def shown_us(schedule: PulseSchedule) -> float:
@@ -181,7 +168,7 @@ def _signal(
     )
 
 
-def scopes(schedule: PulseSchedule, poses: Sequence[int] = ()) -> tuple[ScopeView, ...]:
+def frames_to_show(schedule: PulseSchedule, poses: Sequence[int] = ()) -> tuple[FrameView, ...]:
     """Return the distinct frames of all `poses` (frames of the motion) and a few others, spread over it."""
     us = float(schedule.clock.cycle_us)
     seen: dict[tuple[int, ...], int] = {}
@@ -194,10 +181,10 @@ def scopes(schedule: PulseSchedule, poses: Sequence[int] = ()) -> tuple[ScopeVie
     starts = [start for widths, start in seen.items() if any(widths)]
     chosen = {first_alike[pose] for pose in poses} & set(starts)
     others = [start for start in starts if start not in chosen]
-    room = max(0, MAX_SCOPES - len(chosen))
+    room = max(0, MAX_VIEWS - len(chosen))
     if len(others) > room:
         others = [others[len(others) * number // room] for number in range(room)]
-    return tuple(_scope(schedule, start, us) for start in sorted({*chosen, *others}))
+    return tuple(_view(schedule, start, us) for start in sorted({*chosen, *others}))
 
 
 def pose_frames(job: PlannedJob) -> tuple[int, ...]:
@@ -214,47 +201,8 @@ def pose_frames(job: PlannedJob) -> tuple[int, ...]:
     return tuple(starts)
 
 
-def _scope(schedule: PulseSchedule, start: int, us: float) -> ScopeView:
-    frame = start
-    for run in (*schedule.lead_in, *schedule.loop):
-        if frame < run.frames:
-            break
-        frame -= run.frames
-    ends = [
-        pulse.rise + pulse.width
-        for run in (*schedule.lead_in, *schedule.loop)
-        for pulse in run.pulses
-        if pulse
-    ]
-    last = 1.06 * max(ends)
-    scale = WIDTH / (last + 0.04 * last)
-    before = 0.04 * last
-    lines = []
-    free: list[float] = []
-    for number, (channel, pulse) in enumerate(zip(schedule.channels, run.pulses, strict=True)):
-        if pulse is None:
-            continue
-        rise, fall = (float(before + cycle) * scale for cycle in (pulse.rise, pulse.rise + pulse.width))
-        lane = next((lane for lane, end in enumerate(free) if end <= rise), len(free))
-        free[lane : lane + 1] = [fall]
-        path = pulses_path(np.array([rise]), np.array([fall]), LOW, HIGH_Y, 0.0, WIDTH)
-        colour, label = PALETTE[number % len(PALETTE)], f"{pulse.width * us:g} µs"
-        lines.append(
-            ScopeLine(
-                channel=channel.name,
-                path=path,
-                colour=colour,
-                label_x=px((rise + fall) / 2),
-                label=label,
-                y=LANE * lane,
-            )
-        )
-    begin = start * float(schedule.clock.us(schedule.period))
-    height = LANE * len(free)
-    return ScopeView(
-        title=f"from {begin / 1e6:g} s",
-        start_us=begin - before * us,
-        end_us=begin + last * us,
-        lines=tuple(lines),
-        height=height,
-    )
+def _view(schedule: PulseSchedule, frame: int, us: float) -> FrameView:
+    runs = (*schedule.lead_in, *schedule.loop)
+    last = SPARE * max(pulse.rise + pulse.width for run in runs for pulse in run.pulses if pulse)
+    begin = frame * float(schedule.clock.us(schedule.period))
+    return FrameView(f"from {begin / 1e6:g} s", begin - BEFORE * last * us, begin + last * us)

@@ -18,7 +18,6 @@ from servogen.report.drawing import (
     nice,
     path_chart,
     points_path,
-    pulses_path,
     px,
     steps_path,
     time_chart,
@@ -262,12 +261,6 @@ def test_points_with_one_coordinate_are_left_out() -> None:
     assert dots_path(x, y) == "M0 0h0M3 3h0M4 4h0"
 
 
-def test_a_logic_signal_is_low_before_between_and_after_its_pulses() -> None:
-    path = pulses_path(np.array([2.0, 5]), np.array([3.5, 6]), 26.0, 6.0, 0.5, 10.0)
-    assert path == "M0.5 26H2V6H3.5V26H5V6H6V26H10"
-    assert pulses_path(np.array([]), np.array([]), 26.0, 6.0, 0.5, 10.0) == "M0.5 26H10"
-
-
 @pytest.mark.parametrize(
     ("span", "largest", "across", "up"),
     [
@@ -287,12 +280,11 @@ def test_the_ticks_of_a_path_are_as_many_as_its_pixels_allow(
 
 
 def test_times_and_values_that_do_not_belong_together_are_refused() -> None:
-    one, two, three = (np.arange(count, dtype=float) for count in (1, 2, 3))
+    two, three = (np.arange(count, dtype=float) for count in (2, 3))
     for wrong in (
         lambda: steps_path(three, three),
         lambda: points_path(two, three),
         lambda: dots_path(two, three),
-        lambda: pulses_path(one, two, 0, 1, 0, 1),
     ):
         with pytest.raises(ValueError, match=r"shorter|longer"):
             wrong()

@@ -16,9 +16,10 @@ from servogen.edges import edge_chunk
 from servogen.job import load, plan_job
 from servogen.pic.listing import ListedFunction, Listing
 from servogen.pulse import plan
-from servogen.report.drawing import Axis, dots_path, nice, points_path, pulses_path, steps_path
+from servogen.report.drawing import Axis, dots_path, nice, points_path, steps_path
 from servogen.report.html import costs, program_values
-from servogen.report.signals import pose_frames, scopes
+from servogen.report.signals import frames_to_show, pose_frames
+from servogen.report.signals import planned as planned_rows
 from servogen.report.text import Overrun, ProgramFacts
 from servogen.report.wiring import package, remarks, wires
 from servogen.traces.captures import capture_writer
@@ -255,10 +256,6 @@ def test_points_and_dots_leave_out_what_is_not_there() -> None:
     assert dots_path(x, y) == "M0 0h0M1 1h0M3 3h0"
 
 
-def test_pulses_begin_and_end_low() -> None:
-    assert pulses_path(np.array([2.0]), np.array([3.5]), 9, 1, 0, 10) == "M0 9H2V1H3.5V9H10"
-
-
 @pytest.mark.parametrize(("step", "round_step"), [(0.9, 1), (1, 1), (1.1, 2), (3, 5), (6, 10), (0.03, 0.05)])
 def test_ticks_stand_at_round_numbers(step: float, round_step: float) -> None:
     assert nice(step) == pytest.approx(round_step)
@@ -278,17 +275,25 @@ def test_the_frames_hold_every_pose(tmp_path: Path) -> None:
     assert str(angles[-1]) in text
     job = plan_job(load(job_file(tmp_path, text + '\n[firmware]\nengine = "sequence"\n', "nine-poses")))
     schedule = plan(job.trajectory, job.servos, job.frame).schedule
-    shown = {line.label for scope in scopes(schedule, pose_frames(job)) for line in scope.lines}
-    wanted = {f"{round(job.servos[0].width_us(math.radians(angle)))} µs" for angle in angles}
+    (row,) = planned_rows(schedule)
+
+    def widths(poses: tuple[int, ...] = ()) -> set[int]:
+        views = frames_to_show(schedule, poses)
+        pulses = zip(row.rise, row.width, strict=True)
+        return {
+            round(width) for rise, width in pulses for view in views if view.start_us < rise < view.end_us
+        }
+
+    wanted = {round(job.servos[0].width_us(math.radians(angle))) for angle in angles}
     assert len(wanted) == 9
-    assert wanted <= shown
-    assert not wanted <= {line.label for scope in scopes(schedule) for line in scope.lines}
+    assert wanted <= widths(pose_frames(job))
+    assert not wanted <= widths()
 
 
 def test_a_walk_has_no_poses_and_shows_six_frames() -> None:
     job = plan_job(load(Path(__file__).parents[2] / "jobs" / "hexapod-tripod.toml"))
     assert pose_frames(job) == ()
-    assert len(scopes(planned(job).plan.schedule)) == 6
+    assert len(frames_to_show(planned(job).plan.schedule)) == 6
 
 
 @pytest.mark.parametrize(

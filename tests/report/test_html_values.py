@@ -170,7 +170,7 @@ def test_a_stream_job_says_that_its_positions_come_over_the_line() -> None:
 
 
 def test_the_viewer_opens_four_frames_from_just_before_the_first_pulse(facts: PageFacts) -> None:
-    """The room before a frame is 4 % of 1.06 times its longest time; see the oscilloscope's view."""
+    """The room before a frame is 4 % of 1.06 times its longest time."""
     values: Any = html._signal_values(facts)
     data = json.loads(values["signal_data"])
     schedule = facts.plan.schedule
@@ -187,7 +187,7 @@ def test_the_viewer_opens_four_frames_from_just_before_the_first_pulse(facts: Pa
     rows = [(row["channel"], row["pin"], row["kind"], len(row["rise"])) for row in data["rows"]]
     assert rows == [("arm", PINS.index("RB0"), "planned", 15), ("hand", PINS.index("RA1"), "planned", 15)]
     assert len({row["colour"] for row in data["rows"]}) == 2
-    assert (values["span_s"], values["cut"], len(values["scopes"])) == ("0.3", False, 2)
+    assert (values["span_s"], values["cut"], len(values["views"])) == ("0.3", False, 2)
 
 
 def test_a_short_motion_is_shown_whole_and_a_long_one_cut() -> None:

@@ -1,4 +1,4 @@
-"""The pulses of the page: numbers in µs of the chip, and paths in pixels, against schedules made by hand."""
+"""The pulses of the page: numbers in µs of the chip, against schedules made by hand."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from servogen.edges import HIGH, LOW, PINS, EdgeTrace, edge_chunk
 from servogen.pulse import Channel, Pulse, PulseSchedule, Run
 from servogen.report import signals
 from servogen.units import Clock, Cycles
-from tests.report.svg_paths import numbers
 
 CHANNELS = (Channel("arm", "RB0", ""), Channel("leg", "RB1", ""), Channel("foot", "RB2", ""))
 
@@ -29,28 +28,18 @@ def schedule(hz: int = 4_000_000, lead_in: tuple[Run, ...] = ()) -> PulseSchedul
 
 
 @pytest.mark.parametrize(("hz", "us"), [(4_000_000, 1.0), (8_000_000, 0.5)])
-def test_a_scope_has_its_pulses_to_scale_and_overlapping_ones_below_each_other(hz: int, us: float) -> None:
+def test_a_view_has_the_pulses_of_its_frame_with_room_around_them(hz: int, us: float) -> None:
     """The last edge is at 3000 cycles: 6 % of it stay free behind it, and 4 % of all that before."""
-    one, two = signals.scopes(schedule(hz))
+    one, two = signals.frames_to_show(schedule(hz))
     end = 1.06 * 3000
-    before, pixels = 0.04 * end, 880 / (1.04 * end)
+    before = 0.04 * end
     assert (one.title, two.title) == ("from 0 s", f"from {0.04 * us:g} s")
     assert (two.start_us, two.end_us) == pytest.approx(((40_000 - before) * us, (40_000 + end) * us))
-    assert [(line.channel, line.y) for line in one.lines] == [("arm", 0), ("leg", 32), ("foot", 0)]
-    assert [(line.channel, line.y) for line in two.lines] == [("arm", 0), ("foot", 0)]
-    assert (one.height, two.height) == (64, 32)
-    assert [line.label for line in one.lines] == [f"{width * us:g} µs" for width in (1000, 1500, 1000)]
-    for line, (rise, fall) in zip(one.lines, ((0, 1000), (0, 1500), (2000, 3000)), strict=True):
-        left, right = (before + rise) * pixels, (before + fall) * pixels
-        expected = [0, 26, left, 6, right, 26, 880]  # from low to high to low; y points down
-        assert numbers(line.path) == pytest.approx(expected, abs=0.051)
-        assert float(line.label_x) == pytest.approx((left + right) / 2, abs=0.051)
-    assert len({line.colour for line in one.lines}) == 3
 
 
 def test_a_frame_without_pulses_is_not_shown() -> None:
     """The motion begins after two silent frames."""
-    one, two = signals.scopes(schedule(lead_in=(Run(2, (None, None, None)),)))
+    one, two = signals.frames_to_show(schedule(lead_in=(Run(2, (None, None, None)),)))
     assert (one.title, two.title) == ("from 0.04 s", "from 0.08 s")
 
 
@@ -181,29 +170,27 @@ def motion(count: int, each: int = 1) -> PulseSchedule:
     return PulseSchedule(Clock(4_000_000), Cycles(20_000), CHANNELS[:1], (), runs)
 
 
-def shown(found: tuple[signals.ScopeView, ...]) -> list[int]:
+def shown(found: tuple[signals.FrameView, ...]) -> list[int]:
     """The frames that views begin with."""
     return [round(float(view.title.split()[1]) / 0.02) for view in found]
 
 
 def test_six_distinct_frames_are_shown_besides_those_of_the_poses() -> None:
     """More are spread from the first on; a frame like an earlier one counts as that one."""
-    assert shown(signals.scopes(motion(6))) == [0, 1, 2, 3, 4, 5]
-    assert shown(signals.scopes(motion(7))) == [0, 1, 2, 3, 4, 5]
-    assert shown(signals.scopes(motion(12, each=2))) == [0, 4, 8, 12, 16, 20]
-    assert shown(signals.scopes(motion(12), [11])) == [0, 2, 4, 6, 8, 11]  # five of the other eleven
-    assert shown(signals.scopes(motion(12, each=3), [35, 34, 4])) == [0, 3, 9, 18, 24, 33]  # four of ten
-    assert shown(signals.scopes(motion(12), range(8))) == [*range(8)]  # poses are never left out
-    assert shown(signals.scopes(motion(7), range(6))) == [*range(6)]
-
-
-def test_channels_of_a_view_share_a_row_where_one_ends_before_the_next_begins() -> None:
-    """The second begins where the first ends; the fourth overlaps the third; the fifth fits again."""
-    names = tuple(Channel(f"c{number}", pin, "") for number, pin in enumerate(PINS[:5]))
-    run = Run(1, (pulse(0, 1000), pulse(1000, 1000), pulse(2000, 2000), pulse(3999, 1000), pulse(4000, 500)))
-    (view,) = signals.scopes(PulseSchedule(Clock(4_000_000), Cycles(20_000), names, (), (run,)))
-    assert [line.y for line in view.lines] == [0, 0, 0, 32, 0]
-    assert view.height == 64
+    assert shown(signals.frames_to_show(motion(6))) == [0, 1, 2, 3, 4, 5]
+    assert shown(signals.frames_to_show(motion(7))) == [0, 1, 2, 3, 4, 5]
+    assert shown(signals.frames_to_show(motion(12, each=2))) == [0, 4, 8, 12, 16, 20]
+    assert shown(signals.frames_to_show(motion(12), [11])) == [0, 2, 4, 6, 8, 11]  # five of the other eleven
+    assert shown(signals.frames_to_show(motion(12, each=3), [35, 34, 4])) == [
+        0,
+        3,
+        9,
+        18,
+        24,
+        33,
+    ]  # four of ten
+    assert shown(signals.frames_to_show(motion(12), range(8))) == [*range(8)]  # poses are never left out
+    assert shown(signals.frames_to_show(motion(7), range(6))) == [*range(6)]
 
 
 def test_a_pose_is_found_at_its_first_frame() -> None:
