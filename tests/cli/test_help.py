@@ -59,7 +59,7 @@ OPTIONS: dict[str, tuple[object, float | None, float | None]] = {
     "--friction": (0.8, None, None),
     "--level": (1, 0, 8),
     "--body-yaw-deg": (0.0, -180, 180),
-    "--margin-mm": (None, 0, None),
+    "--margin-mm": (None, 0, 100_000),
     "--gap-mm": (12.0, 0, 100_000),
     "--lift-mm": (20.0, 0, 100_000),
     "--loops": (1, 1, None),
@@ -68,7 +68,7 @@ OPTIONS: dict[str, tuple[object, float | None, float | None]] = {
     "--max-states": (None, 1, None),
     "--memory-mb": (300, 50, None),
     "--patience": (60.0, 0, None),
-    "--period-us": (20_000, 1000, None),
+    "--period-us": (20_000, 1000, 1_000_000),
     "--points": (7, 3, 100),
     "--power-up-us": (72_000, None, None),  # the data sheet's typical 72 ms, parameter 33
     "--rate": (None, 1, None),
@@ -90,7 +90,6 @@ OPTIONS: dict[str, tuple[object, float | None, float | None]] = {
     "drive --turn-deg": (None, 0.1, None),
     "flash --timeout": (120.0, 1, None),
     "gait --cycles": (None, 0, 10_000),
-    "gait --period-us": (20_000, 1000, 1_000_000),
     "grade --timeout": (120.0, 0.1, None),
     "grade --port": (0, 0, 65_535),
     "prove --watchdog-us": (None, None, None),  # any

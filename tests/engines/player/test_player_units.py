@@ -24,6 +24,7 @@ from servogen.engines.inputs.commands import (
     uart_byte,
 )
 from servogen.engines.player import engine, shares
+from servogen.engines.player import firmware as compiling
 from servogen.engines.player.arithmetic import blended, excursion, weights
 from servogen.engines.player.encoding import Rows, WidthScale, row_table, scale_of, shift_of
 from servogen.engines.player.firmware import cautions
@@ -795,15 +796,15 @@ def test_a_program_too_large_for_flash_is_tried_once_more(monkeypatch: pytest.Mo
         error.details = needed
         raise error from InputError("program-too-large", "still too large")
 
-    monkeypatch.setattr(engine, "render_player", render)
-    monkeypatch.setattr(engine, "firmware", firmware)
+    monkeypatch.setattr(compiling, "render_player", render)
+    monkeypatch.setattr(compiling, "firmware", firmware)
     # 52 of the script's bytes can go to the EEPROM.
     for words, again in ((1024 + 52, True), (1024 + 53, False), (None, False)):
         tried.clear()
         needed.clear()
-        needed |= {} if words is None else {engine.WORDS_NEEDED: words}
+        needed |= {} if words is None else {compiling.WORDS_NEEDED: words}
         with pytest.raises(ResourceError) as error:
-            engine.compiled(job, played, "c2c")
+            compiling.compiled(job, played, "c2c")
         assert [len(stored.eeprom) for stored in tried] == ([0, 52] if again else [0])
         both = "too large; with its script in the EEPROM, as far as it fits there, still too large"
         assert error.value.message == (both if again else "too large")
