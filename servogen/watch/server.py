@@ -12,6 +12,8 @@ that it comes from this page nor that a person typed it. What may be asked for i
 from __future__ import annotations
 
 import asyncio
+import ctypes
+import gc
 import json
 import secrets
 import time
@@ -104,6 +106,8 @@ class Room:
         self._theorem: Message = {"is": "theorem", "text": ""}
         self._repetition: Repetition | None = None
         self._learning = False
+        self._forgotten = 0
+        """The number of windows whose memory the system does not have back yet."""
         self._windows: dict[str, Window] = {}
         self._tasks: set[asyncio.Future[None]] = set()
         self._editing = asyncio.Lock()
@@ -221,6 +225,7 @@ class Room:
         window = None
         try:
             async for text in socket:
+                await asyncio.sleep(0)  # one request of each window in turn, however many have come
                 message = _request(text)
                 if window is None:
                     window = self._opened(str(message.get("window", ""))[:64], socket, message)
@@ -238,6 +243,7 @@ class Room:
                 window.socket = None
                 if "check" in window.unwanted:
                     window.unwanted["check"].set()
+                self._forget()
 
     def _opened(
         self, name: str, socket: ServerConnection, place: Mapping[str, Any] = MappingProxyType({})
@@ -256,8 +262,8 @@ class Room:
             window = Window(session)
             name = secrets.token_urlsafe(12)
             self._windows[name] = window
-            self._forget()
         window.socket = socket
+        self._forget()
         self._send(window, {"is": "window", "name": name})
         self._send(window, self._status)
         if self._editor is not None:
@@ -270,8 +276,13 @@ class Room:
 
     def _forget(self) -> None:
         closed = [name for name, window in self._windows.items() if window.socket is None]
-        for name in closed[: max(0, len(self._windows) - MAX_SESSIONS)]:
+        gone = closed[: max(0, len(self._windows) - MAX_SESSIONS)]
+        for name in gone:
             del self._windows[name]
+        self._forgotten += len(gone)
+        if self._forgotten >= MAX_SESSIONS:
+            self._forgotten = 0
+            _return_memory()
 
     async def _edit(self, window: Window, message: Mapping[str, Any]) -> None:
         """Check, save, extend or build the job, in a thread. A check ends the one before it."""
@@ -439,6 +450,13 @@ def _request(text: str | bytes) -> Mapping[str, Any]:
     except (ValueError, RecursionError):
         return {}
     return message if isinstance(message, dict) else {}
+
+
+def _return_memory() -> None:
+    """Give freed memory back to the system, which the C library (glibc) keeps otherwise, in pieces."""
+    gc.collect()
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 def _plain(connection: ServerConnection, status: HTTPStatus, text: str) -> Response:

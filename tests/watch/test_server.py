@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import gc
+import http.client
 import json
 import threading
+import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,16 +18,17 @@ import pytest
 
 pytest.importorskip("websockets", reason="the extra 'watch' is not installed")
 
-from websockets.exceptions import InvalidStatus
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection
 
 from servogen.errors import InputError
 from servogen.pic.image import Image
 from servogen.units import Clock
 from servogen.watch import server as module
-from servogen.watch.server import FILES, MAX_REQUEST_BYTES, Room, WatchServer, Window
+from servogen.watch.server import FILES, MAX_REQUEST_BYTES, MAX_SESSIONS, Room, WatchServer, Window
 from servogen.watch.session import WatchSession
 from servogen.watch.subject import Setting, Subject, load_subject
+from tests.watch.browser import wait
 from tests.watch.serving import Running
 
 ROOT = Path(__file__).parent.parent.parent
@@ -275,6 +280,65 @@ def test_an_old_window_is_forgotten_only_after_many() -> None:
             assert messages(socket, "window")[-1]["name"] != names[0]
     finally:
         served.stop()
+
+
+def test_two_hundred_windows_leave_nothing_behind() -> None:
+    """Each has its chip with snapshots while it is open; afterwards a few are kept that may be reloaded."""
+    served = Running(hex_subject)
+    try:
+        with served.socket() as socket:
+            opened(socket)
+        before = resident_mb()
+        with ExitStack() as sockets:
+            for _ in range(200):
+                last = sockets.enter_context(served.socket())
+                opened(last)
+            assert asked(last, do="run", running=True)["running"]
+            assert json.loads(last.recv(timeout=60))["cycle"] > 0, "time passes in the last one too"
+            assert served.get(f"/{served.token}/")[0] == 200
+        room = served.server._rooms[""]
+        wait(lambda: len(room._windows) <= MAX_SESSIONS)
+        gc.collect()
+        assert resident_mb() - before < 60
+    finally:
+        served.stop()
+
+
+def resident_mb() -> float:
+    """The memory of this process in MB (Linux; elsewhere 0)."""
+    memory = Path("/proc/self/statm")
+    return int(memory.read_text().split()[1]) * 4096 / 1e6 if memory.exists() else 0.0
+
+
+def test_what_is_too_large_ends_its_own_connection_only(running: Running) -> None:
+    with running.socket() as other, running.socket() as socket:
+        opened(other)
+        opened(socket)
+        socket.send("x" * (MAX_REQUEST_BYTES + 1))
+        with pytest.raises(ConnectionClosed) as closed:
+            while True:
+                socket.recv(timeout=60)
+        assert closed.value.rcvd is not None and closed.value.rcvd.code == 1009
+        assert asked(other, do="step", what="frame")["is"] == "now"
+    with suppress(OSError, http.client.HTTPException):  # it is cut off
+        assert running.get(f"/{running.token}/", Cookie="x" * 100_000)[0] >= 400
+    assert running.get(f"/{running.token}/")[0] == 200
+
+
+def test_a_window_that_never_reads_holds_up_nobody(running: Running) -> None:
+    """Its messages end in the buffers of its own connection."""
+    with running.socket() as lazy, running.socket() as other:
+        lazy.close_timeout = 0.1
+        opened(lazy)
+        opened(other)
+        for _ in range(500):
+            lazy.send(json.dumps({"do": "waves", "begin": 0, "end": 4_000_000}))
+        begin = time.monotonic()
+        assert asked(other, "explanation", do="explain", pin="RB0")["lines"]
+        assert time.monotonic() - begin < 1
+        room = running.server._rooms[""]
+        open_ = [window.socket for window in room._windows.values() if window.socket]
+        assert max(each.transport.get_write_buffer_size() for each in open_) < 3 * MAX_REQUEST_BYTES
 
 
 # Rooms, without a network
