@@ -12,7 +12,7 @@ from math import ceil, floor
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
-from pydantic import Field
+from pydantic import Field, WithJsonSchema
 
 from servogen.contract.events import PinEvent, condition, event
 from servogen.contract.observers import (
@@ -41,7 +41,17 @@ MIN_BIT_CYCLES = 4
 """The shortest bit of a serial line: a level cannot be written, and written back, in fewer."""
 
 Number = int | float
-Time = Annotated[Number, Field(ge=0, le=MAX_US)]
+
+
+def _described(low: float, high: float, *, above: bool = False) -> WithJsonSchema:
+    """Return a range as the schema has it; pydantic leaves out those of numbers of two types."""
+    return WithJsonSchema(
+        {"type": "number", "exclusiveMinimum" if above else "minimum": low, "maximum": high}
+    )
+
+
+Time = Annotated[Number, Field(ge=0, le=MAX_US), _described(0, MAX_US)]
+Percent = Annotated[Number, Field(ge=0, le=100), _described(0, 100)]
 Range = Annotated[tuple[Time, ...], Field(min_length=1, max_length=2)]
 """The least and the most; or the least alone."""
 
@@ -53,9 +63,7 @@ class PulseTable(Table):
     high_us: Range | None = None
     low_us: Range | None = None
     period_us: Range | None = None
-    duty_percent: (
-        tuple[Annotated[Number, Field(ge=0, le=100)], Annotated[Number, Field(ge=0, le=100)]] | None
-    ) = None
+    duty_percent: tuple[Percent, Percent] | None = None
 
 
 class ResponseTable(Table):
@@ -78,8 +86,8 @@ class SerialTable(Table):
     """A serial line on which the program sends bytes of 8 bits without parity."""
 
     pin: str
-    baud: Annotated[Number, Field(gt=0, le=10_000_000)]
-    tolerance_percent: Annotated[Number, Field(ge=0, le=5)] = 2
+    baud: Annotated[Number, Field(gt=0, le=10_000_000), _described(0, 10_000_000, above=True)]
+    tolerance_percent: Annotated[Number, Field(ge=0, le=5), _described(0, 5)] = 2
     idle: Literal["high", "low"] = "high"
     stop_bits: Annotated[int, Field(ge=1, le=2)] = 1
 
@@ -95,7 +103,7 @@ class CountTable(Table):
 
     event: str
     times: tuple[Annotated[int, Field(ge=0, le=MAX_TIMES)], Annotated[int, Field(ge=0, le=MAX_TIMES)]]
-    window_us: Annotated[Number, Field(gt=0, le=MAX_US)]
+    window_us: Annotated[Number, Field(gt=0, le=MAX_US), _described(0, MAX_US, above=True)]
 
 
 class EveryTable(Table):

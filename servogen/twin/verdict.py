@@ -6,6 +6,7 @@ In: a `Record`, the plan, the job's expectations. Out: `TwinVerdict`.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -36,6 +37,10 @@ WALK_SHARE, WALK_DEG = 0.1, 5.0
 """The share of its way by which a walk may miss its end, and the degrees, if its job does not say."""
 
 
+IN_NAMES = {"mm": "mm", "°": "deg", "N·m": "nm", "A": "a", "s": "s"}
+"""Units as names of JSON end with them; what is counted has none of them."""
+
+
 @dataclass(frozen=True, slots=True)
 class ExpectationCheck:
     """One expectation: what was measured, in the unit of its name, what is allowed, since when it fails."""
@@ -49,12 +54,12 @@ class ExpectationCheck:
     seconds: float | None = None
 
     def to_json(self) -> dict[str, object]:
-        """Return plain values for a JSON file."""
+        """Return plain values for a JSON file; the unit is in the names."""
+        unit = IN_NAMES.get(self.unit.split()[0], "count")
         return {
             "name": self.name,
-            "measured": self.measured,
-            "allowed": self.allowed,
-            "unit": self.unit,
+            f"measured_{unit}": self.measured,
+            f"allowed_{unit}": self.allowed,
             "passed": self.passed,
             "seconds": self.seconds,
         }
@@ -125,16 +130,16 @@ class TwinVerdict:
         return [*failures, *(f"the plan warned: {warning.message}" for warning in self.warnings)]
 
     def to_json(self) -> dict[str, object]:
-        """Return plain values for a JSON file: metres, radians, seconds, N·m, A, V."""
+        """Return plain values for a JSON file: metres, degrees, seconds, N·m, A, V."""
         record = self.record
         rigid = self.planned.rigid
         return {
             "verdict": self.word,
             "passed": self.passed,
             "missed": self.missed or None,
-            "asked": list(self.planned.way) if self.planned.way else None,
-            "rigid_legs": None if rigid is None else rigid[-1].tolist(),
-            "simulated": list(self.done),
+            "asked": _way(self.planned.way) if self.planned.way else None,
+            "rigid_legs": None if rigid is None else _way(rigid[-1].tolist()),
+            "simulated": _way(self.done),
             "drag_m": self.drag,
             "drag_leg": self.drag_leg or None,
             "tool_error_m": self.tool_error,
@@ -154,6 +159,12 @@ class TwinVerdict:
             "events": [event.to_json() for event in self.events],
             "assumptions": [*record.bodies.assumptions, *record.rig.assumptions],
         }
+
+
+def _way(way: Sequence[float]) -> dict[str, float]:
+    """Return a way of the body, in metres and radians, with the units in the names."""
+    forward, left, turn = way
+    return {"forward_m": forward, "left_m": left, "turn_deg": math.degrees(turn)}
 
 
 def verdict_of(record: Record, job: PlannedJob, planned: PlannedRoute) -> TwinVerdict:

@@ -1,4 +1,4 @@
-"""The JSON schemas of the files that users write, for editors: jobs, robots, servos and labs.
+"""The JSON schemas of the files that users write, for editors: jobs, robots, servos, labs and contracts.
 
 In: nothing. Out: a schema of draft 7 for each, the newest that Taplo knows, with the docstrings of classes
 and fields as descriptions. It is derived from the models (`Table`) that read the files, so that the two
@@ -19,6 +19,8 @@ from pydantic import BaseModel
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue, models_json_schema
 from pydantic_core import core_schema
 
+from servogen.contract.clauses import ContractFile, PulseTable, SerialTable
+from servogen.edges import PINS
 from servogen.grade.lab import LabTable
 from servogen.job.schema import JobTable
 from servogen.kinematics import catalogue
@@ -70,8 +72,22 @@ def lab_schema() -> Schema:
     return json_schema([LabTable], "servogen lab")
 
 
+def contract_schema() -> Schema:
+    """Return the schema of a contract; it completes the names of pins."""
+    schema = json_schema([ContractFile], "servogen contract")
+    for table in (PulseTable, SerialTable):
+        schema["definitions"][table.__name__]["properties"]["pin"] |= {"enum": list(PINS)}
+    return schema
+
+
 SCHEMAS: Mapping[str, Callable[[], Schema]] = MappingProxyType(
-    {"job": job_schema, "robot": robot_schema, "servo": servo_schema, "lab": lab_schema}
+    {
+        "job": job_schema,
+        "robot": robot_schema,
+        "servo": servo_schema,
+        "lab": lab_schema,
+        "contract": contract_schema,
+    }
 )
 """The kinds of files, and the function that returns the schema of each."""
 

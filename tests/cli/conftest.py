@@ -1,18 +1,22 @@
 """Runs a command as `servogen` does, in this process."""
 
 import csv
+import json
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import jsonschema
 import pytest
 
 from servogen.cli import main
 from servogen.job import load, plan_job
 from servogen.workflows.job_build import build, write
+from servogen.workflows.output_schema import output_schema
 
 ROOT = Path(__file__).parents[2]
+OUTPUTS = jsonschema.Draft7Validator(output_schema())
 
 
 @dataclass(frozen=True)
@@ -53,3 +57,17 @@ def rows_of(path: Path) -> list[dict[str, str]]:
     """Return the rows of a CSV file."""
     with path.open() as file:
         return list(csv.DictReader(file))
+
+
+def wrong(printed: str) -> list[str]:
+    """Where what was printed, a line each, is not what the schema says."""
+    lines = [json.loads(line) for line in printed.splitlines()]
+    assert lines
+    return [_deepest(error) for line in lines for error in OUTPUTS.iter_errors(line)]
+
+
+def _deepest(error: jsonschema.ValidationError) -> str:
+    inner = max(error.context or (), key=lambda each: len(each.absolute_path), default=None)
+    if inner is not None and len(inner.absolute_path) > len(error.absolute_path):
+        return _deepest(inner)
+    return f"{'.'.join(map(str, error.absolute_path))}: {str(error.instance)[:60]}"

@@ -18,7 +18,7 @@ from servogen.bench.virtual import rig
 from servogen.errors import Diagnostic
 from servogen.simulator.sources import pin_number
 from servogen.workflows import capture, flashing
-from tests.cli.conftest import Run
+from tests.cli.conftest import Run, wrong
 from tests.cli.stand_ins import stand_in
 
 ROOT = Path(__file__).parents[2]
@@ -76,6 +76,7 @@ def test_flash_says_how_the_chip_was_checked(
     assert (ran.code, ran.out) == (0, f"a.hex: 123 words on the PIC16F84A, {how}\n")
     assert "forced False" in ran.err
     shown = json.loads(run("flash", "a.hex", "--json", "--force").out)
+    assert wrong(json.dumps(shown)) == []
     assert [each["message"] for each in shown.pop("diagnostics")] == ["forced True"]
     assert shown == {"programmer": "prog", "words": 123, "compared": list(compared)}
 

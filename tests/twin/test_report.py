@@ -48,8 +48,9 @@ def test_the_command_compares_and_exits_with_0(
     names = ["--plot", str(plot), "--csv", str(csv)]
     assert run(["twin", str(job), *names, "--json"], monkeypatch) == 0
     answer = json.loads(capsys.readouterr().out)
-    assert answer["passed"] and answer["asked"] == pytest.approx([0.04, 0.0, 0.0])
-    assert answer["simulated"][0] == pytest.approx(0.04, rel=0.05)
+    assert answer["passed"]
+    assert answer["asked"] == pytest.approx({"forward_m": 0.04, "left_m": 0, "turn_deg": 0})
+    assert answer["simulated"]["forward_m"] == pytest.approx(0.04, rel=0.05)
     assert [check["name"] for check in answer["checks"]] == ["falls", "robot", "turn"]
     assert any("0.64 kg (its file states no mass_g)" in text for text in answer["assumptions"])
     assert plot.read_bytes().startswith(b"\x89PNG")

@@ -322,9 +322,9 @@ def test_the_words_reasons_and_json_of_a_verdict() -> None:
         "verdict": "NOT as expected",
         "passed": False,
         "missed": "the robot misses its plan by 50.0 mm and 90.0°",
-        "asked": [0.0, 0.0, 0.0],
-        "rigid_legs": [0.5, 0.25, 0.125],
-        "simulated": pytest.approx([0.03, -0.04, math.pi / 2]),
+        "asked": {"forward_m": 0.0, "left_m": 0.0, "turn_deg": 0.0},
+        "rigid_legs": {"forward_m": 0.5, "left_m": 0.25, "turn_deg": math.degrees(0.125)},
+        "simulated": pytest.approx({"forward_m": 0.03, "left_m": -0.04, "turn_deg": 90}),
         "drag_m": 0.0,
         "drag_leg": None,
         "tool_error_m": None,
@@ -343,9 +343,8 @@ def test_the_words_reasons_and_json_of_a_verdict() -> None:
     }
     assert failed.checks[1].to_json() == {
         "name": "torque of knee",
-        "measured": 0.75,
-        "allowed": 0.5,
-        "unit": "N·m",
+        "measured_nm": 0.75,
+        "allowed_nm": 0.5,
         "passed": False,
         "seconds": pytest.approx(0.165),
     }
