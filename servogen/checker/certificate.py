@@ -42,14 +42,12 @@ CELLS = {name: (slot, UNKNOWN[slot]) for name, slot in COLUMNS.items() if UNKNOW
 CELLS |= {name: (slot, 0xFF) for name, slot in RAM.items()}
 """Columns of cells, with the bits that may be unknown."""
 NUMBERS = {"option": (layout.OPTION, 0xFF), "trisa": (layout.TRISA, 0x1F), "trisb": (layout.TRISB, 0xFF),
-           "pc": (layout.PC, 0x3FF), "depth": (layout.DEPTH, 8), "prescaler": (layout.TMR0_ZERO, 0xFF),
-           WRITE_LEFT: (layout.WRITTEN_BY, 1 << 30),
-           "watchdog_age": (layout.CLEARED, 1 << 40), "time": (layout.FRAME, 1 << 30),
+           "pc": (layout.PC, 0x3FF), "depth": (layout.DEPTH, 8), "prescaler": (layout.PRESCALER, 0xFF),
+           WRITE_LEFT: (layout.WRITE_LEFT, 1 << 30),
+           "watchdog_age": (layout.AGE, 1 << 40), "time": (layout.TIME, 1 << 30),
            "frame": (FRAME_NUMBER, 1 << 30), "place": (PLACE, MAX_STATES),
            **{f"stack{level}": (layout.STACK + level, 0x3FF) for level in range(8)}}  # fmt: skip
 """Columns of numbers, with the largest ones."""
-AGES = [layout.TMR0_ZERO, layout.CLEARED, layout.FRAME]
-"""Slots that count from an earlier cycle on."""
 KEYS = {"format": int, "image": str, "schedule": str, "clock_hz": int, "held": dict,
         "assumptions": list, "cuts": list, "count": int, "places": list, "columns": dict}  # fmt: skip
 
@@ -114,9 +112,6 @@ def _certificate(data: dict[str, Any]) -> Certificate:
         if wrong.any():
             raise ValueError(f"column {name} has a value that is out of range")
         states[:, slot] = values
-    states[:, AGES] *= -1
-    states[:, [layout.REQUESTED, layout.DARK_UNTIL]] = layout.NEVER
-    states[states[:, layout.EECON1] & layout.WR == 0, layout.WRITTEN_BY] = layout.NEVER
     # A pin may set INTF and RBIF at any time: they are 1 or unknown.
     states[:, layout.INTCON] |= (layout.INTF | layout.RBIF) << 8 & ~(states[:, layout.INTCON] << 8)
     if (states[:, PLACE] >= len(places)).any():

@@ -35,13 +35,15 @@ from which the run began (-1: power-up).
 """
 BYTES = [*range(layout.RAM, layout.RAM_END), *(row.slot for row in layout.REGISTERS if row.unknown)]
 """The slots of cells; TMR0's is the last one."""
-EXACT = [layout.PC, layout.DEPTH, *(row.slot for row in layout.REGISTERS if not row.unknown), layout.FRAME,
-         FRAME_NUMBER, PLACE, *range(layout.STACK, layout.SLOTS)]  # fmt: skip
+EXACT = [layout.PC, layout.DEPTH, *(row.slot for row in layout.REGISTERS if not row.unknown), layout.STAGE,
+         layout.TIME, FRAME_NUMBER, PLACE, *range(layout.STACK, layout.SLOTS)]  # fmt: skip
 """What must be the same in a state and in the listed one that contains it, besides cells and TMR0's count."""
 CHIP, ALWAYS = np.arange(COLUMNS) < layout.SLOTS, np.arange(COLUMNS) <= DUE
 ALWAYS[[layout.W, *range(layout.RAM, layout.RAM_END), FRAME_NUMBER, PLACE]] = False
 """The chip's slots; and what every run depends on."""
-TIMES = [layout.CLEARED, layout.TIME_OUT_AT, layout.WRITTEN_BY, layout.FRAME]
+SAYS_NOTHING = [layout.CYCLE, layout.ASKED, layout.ASKED_BITS, ORIGIN]
+"""What has no part in where a run leads to."""
+FLAGS = layout.FLAGS_OF_INTCON | layout.WRITE_OVER
 MAX_PERIODS, MAX_CYCLES, MAX_ROWS, ROWS = 500, 3_000_000_000, 20_000, 1000
 """Of a way between two cuts; cycles that are run; ways that wait for it; states that are taken together."""
 MAX_RUNS = 500_000
@@ -114,11 +116,6 @@ class Checker:
             watchdog=int(WATCHDOG_US / Clock(plan.clock_hz).cycle_us) if watched else 0,
             longest_write=ceil(plan.write_us / Clock(plan.clock_hz).cycle_us),
         )
-        self._ways = {
-            layout.MAY_INTERRUPT: self._interrupted,
-            layout.MAY_BE_WRITTEN: self._written,
-            layout.SLEEPS: self._woken,
-        }
         self._following, self._sampled = cache(self._after), cache(self._sample)
         self._due = cache(lambda frame, place: plan.run_of(PlanPosition(frame, self._places[place].memory)))
         self._edge = cache(lambda due, time: bisect_left(plan.edges[due][0], time))
@@ -173,7 +170,9 @@ class Checker:
             raise Refused("the schedule has fewer frames than the listed states")
         numbers = np.array([*map(self._number, certificate.places), 0])
         rows[:, PLACE] = np.where(over, self._number(Place(OVER.memory)), numbers[rows[:, PLACE]])
-        rows[over, layout.FRAME] = layout.NEVER
+        rows[:, layout.STAGE] = np.where(over, layout.OVER, layout.RUNS)
+        rows[over, layout.TIME] = 0
+        rows[:, layout.CHOSEN] = layout.UNKNOWN
         rows[:, ORIGIN] = np.arange(len(rows))
         # Among states with the same unknown bits, containment is equality of the known ones: a look-up by
         # key.
@@ -183,7 +182,7 @@ class Checker:
             shapes[shape.tobytes()].append(number)
         for text, numbers_of in shapes.items():
             numbers_of.sort(
-                key=lambda number: int(rows[number, layout.WRITTEN_BY])
+                key=lambda number: int(rows[number, layout.WRITE_LEFT])
             )  # of equals, the widest one
             shape = np.frombuffer(text, dtype=np.int32)
             self._listed.append((shape, dict(zip(_keys(rows[numbers_of], shape), numbers_of, strict=True))))
@@ -191,23 +190,12 @@ class Checker:
 
     def _started(self, rows: Ints) -> Ints:
         """Return listed states as those of a chip that runs on from there."""
-        rows, ratio = rows.copy(), _ratio(rows)
+        rows = rows.copy()
         # TMR0 counts the edges of RA4, which may have any level at any time.
         rows[rows[:, layout.OPTION] & layout.T0CS != 0, layout.TMR0] = layout.UNKNOWN
-        rows[:, layout.TMR0_ZERO] -= (rows[:, layout.TMR0] & 0xFF) * ratio
-        due = rows[:, layout.TMR0_ZERO] + 256 * ratio - 1
-        rows[:, layout.OVERFLOW_AT] = np.where(
-            rows[:, layout.TMR0] >> 8, layout.NEVER, np.where(due > 0, due, due + 256 * ratio)
-        )
-        rows[:, layout.TMR0] &= ~0xFF
-        rows[:, [layout.CHOSEN, layout.TIME_OUT_AT]] = layout.UNKNOWN, layout.NEVER
-        rows[:, [layout.DECLINED, layout.UNFINISHED]] = -1
         for row in rows:
-            frame, place = row[[FRAME_NUMBER, PLACE]].tolist()
-            row[DUE] = self._due(frame, place)
-            row[layout.EDGE] = self._edge(int(row[DUE]), -int(row[layout.FRAME]))
-            if self._board.watchdog:
-                chip.plan_time_out(row, self._board, 0, 0)
+            row[DUE] = self._due(*row[[FRAME_NUMBER, PLACE]].tolist())
+            row[layout.EDGE] = self._edge(*row[[DUE, layout.TIME]].tolist())
         return rows
 
     def _power_up(self) -> Ints:
@@ -216,12 +204,6 @@ class Checker:
         s[layout.RAM : layout.RAM_END] = s[layout.CHOSEN] = layout.UNKNOWN
         for row in layout.REGISTERS:
             s[row.slot] = row.reset
-        s[layout.FRAME] = layout.BEFORE
-        s[
-            [layout.OVERFLOW_AT, layout.REQUESTED, layout.TIME_OUT_AT, layout.WRITTEN_BY, layout.DARK_UNTIL]
-        ] = layout.NEVER
-        s[[layout.DECLINED, layout.UNFINISHED]] = -1
-        chip.plan_time_out(s, self._board, 0, 0)
         frame, memory = self._plan.first
         s[[FRAME_NUMBER, PLACE, ORIGIN]] = frame, self._number(Place(memory)), -1
         s[DUE] = self._plan.run_of(self._plan.first)
@@ -249,10 +231,8 @@ class Checker:
                     stopped.append(rows)
                 elif why in (layout.FORK, layout.BUTTON):
                     stopped += self._both(rows, why)
-                elif why in self._ways:
-                    rows = self._new(rows, why)
-                    self._forks += len(rows)
-                    stopped += self._ways[why](rows) if len(rows) else []
+                elif why in (layout.MAY_INTERRUPT, layout.MAY_BE_WRITTEN, layout.SLEEPS):
+                    stopped += self._happens(self._new(rows, why), why)
                 elif why == layout.CUT:
                     arrived.append(rows)
                 else:
@@ -291,7 +271,8 @@ class Checker:
                 raise _refused(row, "an input was not read in the frame")
             row[[FRAME_NUMBER, PLACE, DUE]] = following
         over = rows[:, FRAME_NUMBER] < 0
-        rows[:, layout.FRAME] = np.where(over, layout.NEVER, rows[:, layout.FRAME] + self._plan.period)
+        rows[:, layout.TIME] -= self._plan.period
+        rows[over, layout.STAGE], rows[over, layout.TIME] = layout.OVER, 0
         rows[:, layout.EDGE] = 0
         return rows
 
@@ -307,14 +288,14 @@ class Checker:
     def _both(self, rows: Ints, why: int) -> list[Ints]:
         """Return the rows with the bit in question 0, and with it 1. Raises Refused if it is read again."""
         self._forks += len(rows)
-        slot, bit = rows[0, [layout.ASKED, layout.ASKED_BIT]].tolist()
+        slot, bit = rows[0, [layout.ASKED, layout.ASKED_BITS]].tolist()
         pin = bit.bit_length() - 1 + (5 if slot == layout.PORTB else 0)
         both = [rows, rows.copy()]
         for level, its in enumerate(both):
             # A level is given for one instruction only, whereas a bit of a register stays as it was chosen.
             stored = layout.CHOSEN if why == layout.BUTTON else slot
             its[:, stored] = its[:, stored] & ~(bit << 8) | bit * level
-            if why == layout.BUTTON and its[0, layout.FRAME] not in (layout.BEFORE, layout.NEVER):
+            if why == layout.BUTTON and its[0, layout.STAGE] == layout.RUNS:
                 its[:, PLACE] = [self._sampled(place, pin, level) for place in its[:, PLACE].tolist()]
                 for row in its[its[:, PLACE] < 0]:
                     raise _refused(row, "an input is read again")
@@ -327,74 +308,40 @@ class Checker:
         A state may stop twice in a row: no interrupt comes, and then SLEEP ends in one of several ways.
         """
         rows = np.unique(rows, axis=0)
-        columns = [*EXACT, *BYTES, *TIMES, layout.TMR0_ZERO]
-        states = np.hstack([_settled(rows)[:, columns], rows[:, [layout.DOUBTED, layout.CHOSEN]]])
+        states = rows.copy()
+        states[:, SAYS_NOTHING] = 0
         new = np.ones(len(rows), dtype=bool)
         for number, state in enumerate(states):
-            key = why.to_bytes() + hashlib.sha256(state.tobytes()).digest()
-            described = rows[number, layout.FRAME] != layout.BEFORE and chip.at_rest(rows[number])
-            new[number] = not described or key not in self._followed
-            if described:
+            if state[layout.STAGE] != layout.BEFORE and chip.at_rest(state):
+                key = why.to_bytes() + hashlib.sha256(state.tobytes()).digest()
+                new[number] = key not in self._followed
                 self._followed.add(key)
         return rows[new]
 
-    def _interrupted(self, rows: Ints) -> list[Ints]:
-        """Return the rows without an interrupt, and with one by each flag that the latest instruction may
-        have sampled, in its first cycle or in its last one.
-        """
-        now, ways = int(rows[0, layout.CYCLE]), [rows]
-        for flag in _bits(int(rows[0, layout.DOUBTED])):
-            for cycle in (now + 1, now + 2):
-                ways.append(rows.copy())
-                for row in ways[-1]:
-                    chip.happen(row, flag)
-                    if chip.interrupt(row, cycle) == layout.OVERFLOW:
-                        raise _refused(row, layout.REASONS[layout.OVERFLOW])
-        rows[:, layout.DECLINED] = now
-        return ways
-
-    def _written(self, rows: Ints) -> list[Ints]:
-        """Return the rows with the EEPROM write over, and not yet."""
-        over = rows.copy()
-        for row in over:
-            chip.happen(row, layout.WRITE_OVER)
-            chip.request(row, row[layout.CYCLE])
-        rows[:, layout.UNFINISHED] = rows[:, layout.CYCLE]
-        return [rows, over]
-
-    def _woken(self, rows: Ints) -> list[Ints]:
-        """Return the rows after SLEEP: it is a NOP if an enabled flag is set, else the chip sleeps until
-        whatever wakes it (section 6.11). Raises Refused where the time of waking would matter.
-        """
-        first, ways = rows[0], []
-        certain = chip.certain(first)
-        for flag in _bits(certain & -certain or chip.doubtful(first)):
-            ways.append(rows.copy())
-            for row in ways[-1]:
-                chip.do_not_sleep(row, flag)
-        if certain:
-            return ways
-        self._rest(rows)
-        write = layout.WRITE_OVER if first[layout.EECON1] & layout.WR else 0
-        wakers = _bits(chip.enabled(first) & (layout.INTF | layout.RBIF | write))
-        for flag in [*wakers, *([0] if self._board.watchdog else [])]:
-            ways.append(rows.copy())
-            for row in ways[-1]:
-                chip.wake(row, self._board, flag)
+    def _happens(self, rows: Ints, why: int) -> list[Ints]:
+        """Return the rows on each of the ways that the chip asks for: it comes now, or not yet."""
+        self._forks += len(rows)
+        ways = []
+        for way in _bits(int(rows[0, layout.ASKED_BITS])) if len(rows) else []:
+            its = rows.copy()
+            its[:, layout.WAY] = way
+            if why == layout.SLEEPS and not way & FLAGS << layout.IS_NOP:
+                self._rest(its)
+            if way != layout.ENDLESS:
+                ways.append(its)
         return ways
 
     def _rest(self, rows: Ints) -> None:
         """Let nothing be due any more in rows that sleep. Raises Refused if a pulse is due."""
         for row in rows:
-            if row[layout.FRAME] == layout.BEFORE:
+            if row[layout.STAGE] == layout.BEFORE:
                 if not self._board.watchdog:
                     raise _refused(row, "SLEEP before the first pulse, and nothing has to end it")
-            elif row[layout.FRAME] != layout.NEVER:
-                if row[layout.EDGE] < len(self._plan.edges[row[DUE]][0]) or not self._plan.silent_after(
-                    int(row[FRAME_NUMBER])
-                ):
+            elif row[layout.STAGE] == layout.RUNS:
+                made = row[layout.EDGE] == len(self._plan.edges[row[DUE]][0])
+                if not made or not self._plan.silent_after(int(row[FRAME_NUMBER])):
                     raise _refused(row, "SLEEP while pulses are due")
-                row[[layout.FRAME, FRAME_NUMBER, layout.EDGE]] = layout.NEVER, OVER.frame, 0
+                row[[layout.STAGE, layout.TIME, FRAME_NUMBER, layout.EDGE]] = layout.OVER, 0, OVER.frame, 0
                 row[PLACE], row[DUE] = self._number(Place(OVER.memory)), self._plan.run_of(OVER)
 
     def _sample(self, number: int, pin: int, level: int) -> int:
@@ -404,18 +351,14 @@ class Checker:
 
     def _compare(self, rows: Ints) -> None:
         """Raise Refused for a row that is within no listed state."""
-        settled = _settled(rows)
         missing = np.ones(len(rows), dtype=bool)
         for shape, listed in self._listed:
-            numbers = np.array([listed.get(key, -1) if key else -1 for key in _keys(settled, shape)])
-            within = numbers >= 0
-            # A write that is over earlier is over in as many ways, or fewer.
-            within &= settled[:, layout.WRITTEN_BY] <= self._states[numbers][:, layout.WRITTEN_BY]
-            if self._board.watchdog:
-                ages = [layout.CLEARED, layout.TIME_OUT_AT]
-                # A watchdog that was cleared later than in the listed state times out later, too.
-                within &= (settled[:, ages] >= self._states[numbers][:, ages]).all(axis=1)
-            missing &= ~within
+            numbers = np.array([listed.get(key, -1) if key else -1 for key in _keys(rows, shape)])
+            # A write that is over earlier is over in as many ways, or fewer; a watchdog that was cleared
+            # later times out later.
+            ages = [layout.WRITE_LEFT, *[layout.AGE] * bool(self._board.watchdog)]
+            later = (rows[:, ages] <= self._states[numbers][:, ages]).all(axis=1)
+            missing &= (numbers < 0) | ~later
         for row in rows[missing]:
             raise _refused(row, "the state is within no listed one")
 
@@ -427,9 +370,9 @@ def _refused(row: Ints, reason: str) -> Refused:
 
 def _place_of(row: Ints) -> str:
     """Return where a chip is: cycle, state, address, frame, pins."""
-    frame = f"frame {row[FRAME_NUMBER]}, cycle {row[layout.CYCLE] - row[layout.FRAME]}"
-    if row[layout.FRAME] in (layout.BEFORE, layout.NEVER):
-        frame = "before the first pulse" if row[layout.FRAME] < 0 else "after the last pulse"
+    frame = f"frame {row[FRAME_NUMBER]}, cycle {row[layout.TIME]}"
+    if row[layout.STAGE] != layout.RUNS:
+        frame = "before the first pulse" if row[layout.STAGE] == layout.BEFORE else "after the last pulse"
     origin = "power-up" if row[ORIGIN] < 0 else f"state {row[ORIGIN]}"
     levels = (row[layout.PORTA] | row[layout.PORTA] >> 8) & 0x1F | (
         row[layout.PORTB] | row[layout.PORTB] >> 8
@@ -445,24 +388,6 @@ def _bits(word: int) -> list[int]:
     return [1 << bit for bit in range(word.bit_length()) if word >> bit & 1]
 
 
-def _ratio(rows: Ints) -> Ints:
-    """Return the cycles in which TMR0 counts one."""
-    option = rows[:, layout.OPTION]
-    return np.where(option & layout.PSA, 1, 2 << (option & layout.PS))
-
-
-def _settled(rows: Ints) -> Ints:
-    """Return states as a certificate lists them: with cycles counted from now on, and TMR0 as it is read."""
-    rows, now, ratio = rows.copy(), rows[:, [layout.CYCLE]], _ratio(rows)
-    counts = (now[:, 0] - rows[:, layout.TMR0_ZERO]) % (256 * ratio)
-    rows[:, layout.TMR0] |= np.where(rows[:, layout.TMR0] & layout.UNKNOWN, 0, counts // ratio)
-    rows[:, layout.TMR0_ZERO] = -(counts % ratio)
-    rows[:, TIMES] -= np.where(abs(rows[:, TIMES]) == layout.NEVER, 0, now)
-    rows[:, [layout.CYCLE, layout.TMR0_FROM, layout.DOUBTED, layout.KEYS, layout.KEY_AT]] = 0
-    rows[:, [layout.DECLINED, layout.UNFINISHED]] = -1
-    return rows
-
-
 def _keys(rows: Ints, shape: Ints) -> list[bytes | None]:
     """Return the keys of the listed states that contain each of `rows`, among those whose unknown bits, and
     bytes that move with φ, are as in `shape`; None for a row that none can contain.
@@ -475,7 +400,7 @@ def _keys(rows: Ints, shape: Ints) -> list[bytes | None]:
     doubt = np.where(cells >> 16, 0xFF, cells >> 8)
     fits = np.where(moves, together, doubt & ~unknown == 0).all(axis=1)
     values = np.where(moves, cells - timer, cells) & 0xFF & ~unknown
-    count = rows[:, [layout.TMR0_ZERO]] * (shape[-1] & layout.UNKNOWN == 0)
+    count = rows[:, [layout.PRESCALER]] * (shape[-1] & layout.UNKNOWN == 0)
     keys = np.hstack([rows[:, EXACT], count, values])
     return [key.tobytes() if fit else None for key, fit in zip(keys, fits, strict=True)]
 

@@ -31,7 +31,6 @@ typedef struct {
     const i64 *out; /* and the pins after it */
 } Edges;
 
-static i64 min(i64 a, i64 b) { return a < b ? a : b; }
 static i64 max(i64 a, i64 b) { return a > b ? a : b; }
 
 /* Instructions on unknown bits ------------------------------------------------------------ */
@@ -117,67 +116,89 @@ i64 operate(i64 (*memo)[2], i64 op, i64 a, i64 x)
 /* What happens by itself ------------------------------------------------------------ */
 
 /* Returns the cycles in which TMR0 counts one (section 5.2). */
-i64 ratio(const i64 *s) { return s[OPTION] & PSA ? 1 : 2 << (s[OPTION] & PS); }
-
-/* Returns what an instruction in `cycle` reads from TMR0. */
-i64 timer(const i64 *s, i64 cycle)
-{
-    if (s[TMR0] & UNKNOWN)
-        return UNKNOWN;
-    i64 counted = max(cycle, s[TMR0_FROM]) - s[TMR0_ZERO], by = ratio(s);
-    i64 ticks = counted / by - (counted % by < 0); /* rounded down */
-    return (ticks & 0xFF) | (s[TMR0] & 1 << 16);
-}
-
-/* Sets the first cycle in which any chip's watchdog may time out: after CLRWDT, or after PSA or PS have
-   `changed`, of which the prescaler may have kept any count (section 6.10). */
-void plan_time_out(i64 *s, const Board *board, i64 changed, i64 cycle)
-{
-    if (!board->watchdog)
-        return;
-    bool scaled = s[OPTION] & PSA && !changed; /* its prescaler's count is 0 since CLRWDT */
-    s[TIME_OUT_AT] = s[CLEARED] + (scaled ? board->watchdog << (s[OPTION] & PS) : board->watchdog);
-    if (changed && cycle - s[CLEARED] >= board->watchdog)
-        s[TIME_OUT_AT] = cycle;
-}
-
-/* Clears the watchdog, before `cycle`, and sets TO and PD (section 6.10, table 6-3). */
-static void clear_watchdog(i64 *s, const Board *board, i64 cycle, i64 to_pd)
-{
-    s[STATUS] = (s[STATUS] & ~(TO_PD << 8 | TO_PD)) | to_pd;
-    s[CLEARED] = cycle;
-    s[NEXT_EVENT] = 0;
-    plan_time_out(s, board, 0, cycle);
-}
+static i64 ratio(const i64 *s) { return s[OPTION] & PSA ? 1 : 2 << (s[OPTION] & PS); }
 
 /* Returns the enabled flags; GIE is another matter (section 6.8). */
-i64 enabled(const i64 *s) { return s[INTCON] >> 3 & (FLAGS_OF_INTCON | WRITE_OVER); }
+static i64 enabled(const i64 *s) { return s[INTCON] >> 3 & (FLAGS_OF_INTCON | WRITE_OVER); }
 
 /* Returns the enabled flags that are set; they end SLEEP, and interrupt if GIE is set. */
-i64 certain(const i64 *s)
+static i64 certain(const i64 *s)
 {
-    i64 over = s[EECON1] & EEIF ? WRITE_OVER : 0;
-    return enabled(s) & ((s[INTCON] & FLAGS_OF_INTCON) | over);
+    return enabled(s) & ((s[INTCON] & FLAGS_OF_INTCON) | (s[EECON1] & EEIF ? WRITE_OVER : 0));
 }
 
 /* Returns the enabled flags that may be set in any cycle, by a pin, TMR0 or the end of a write. */
-i64 doubtful(const i64 *s)
+static i64 doubtful(const i64 *s)
 {
-    i64 flags = s[INTCON] >> 8 | (s[EECON1] & WR ? WRITE_OVER : 0);
-    return enabled(s) & (flags | (s[TMR0] >> 8 ? T0IF : 0)) & ~certain(s);
+    i64 flags = s[INTCON] >> 8 | (s[EECON1] & WR ? WRITE_OVER : 0) | (s[TMR0] >> 8 ? T0IF : 0);
+    return enabled(s) & flags & ~certain(s);
 }
 
-/* Notes whether an interrupt is sampled from `cycle` on; one that was sampled before comes. */
-void request(i64 *s, i64 cycle)
+/* Samples the flags in this cycle; what was sampled before stays so. */
+static void sample(i64 *s)
 {
-    if (s[INTCON] & GIE && certain(s))
-        s[REQUESTED] = min(s[REQUESTED], cycle);
-    else if (s[REQUESTED] >= cycle)
-        s[REQUESTED] = NEVER;
+    if (!s[SAMPLED] && s[INTCON] & GIE && certain(s))
+        s[SAMPLED] = 1;
 }
 
-/* Goes to the interrupt vector, whose instruction is executed in `cycle` (section 6.8). */
-i64 interrupt(i64 *s, i64 cycle)
+/* Lets a flag be set now. */
+static void happen(i64 *s, i64 flag)
+{
+    if (flag == WRITE_OVER) { /* section 3.2 */
+        s[EECON1] = (s[EECON1] & ~WR) | EEIF;
+        s[WRITE_LEFT] = 0;
+    } else {
+        s[INTCON] = (s[INTCON] & ~(flag << 8)) | flag;
+    }
+}
+
+/* Lets one cycle pass. */
+void tick(i64 *s)
+{
+    s[CYCLE]++;
+    s[AGE]++;
+    s[TIME] += s[STAGE] == RUNS;
+    s[DARK] += s[DARK] > 0;
+    s[KEY_1] -= s[KEY_1] > 0;
+    s[KEY_2] -= s[KEY_2] > 0;
+    if (s[STILL]) {
+        s[STILL]--;
+    } else if (!(s[TMR0] & UNKNOWN) && ++s[PRESCALER] >= ratio(s)) {
+        s[PRESCALER] = 0;
+        s[TMR0] = (s[TMR0] & 1 << 16) | ((s[TMR0] + 1) & 0xFF);
+    }
+    if (s[TMR0] == 0xFF && s[PRESCALER] == ratio(s) - 1 && !s[STILL])
+        happen(s, T0IF); /* one cycle before TMR0 is read as 00h (section 5.3) */
+    if (s[EECON1] & WR && --s[WRITE_LEFT] <= 0)
+        happen(s, WRITE_OVER);
+    s[SAMPLED] += s[SAMPLED] > 0;
+    sample(s);
+}
+
+/* Returns whether any chip's watchdog may time out: since CLRWDT, or since PSA or PS have changed, of which
+   the prescaler may have kept any count (section 6.10). */
+static bool times_out(const i64 *s, const Board *board)
+{
+    i64 scale = s[OPTION] & PSA && !s[RESCALED] ? s[OPTION] & PS : 0;
+    return board->watchdog && s[AGE] >= board->watchdog << scale;
+}
+
+/* Clears the watchdog, and sets TO and PD (section 6.10, table 6-3). */
+static void clear_watchdog(i64 *s, i64 to_pd)
+{
+    s[STATUS] = (s[STATUS] & ~(TO_PD << 8 | TO_PD)) | to_pd;
+    s[AGE] = s[RESCALED] = 0;
+}
+
+/* Returns the way that was chosen for what happens by itself; 0 if it has to be. */
+static i64 choose(i64 *s, i64 ways)
+{
+    s[ASKED_BITS] = ways;
+    return s[WAY] & ways;
+}
+
+/* Goes to the interrupt vector, whose instruction is executed after so many cycles (section 6.8). */
+static i64 interrupt(i64 *s, i64 cycles)
 {
     if (s[DEPTH] == 8)
         return OVERFLOW;
@@ -185,120 +206,88 @@ i64 interrupt(i64 *s, i64 cycle)
     s[DEPTH] += 1;
     s[INTCON] &= ~GIE;
     s[PC] = 4;
-    s[CYCLE] = cycle;
-    s[REQUESTED] = NEVER;
-    s[DOUBTED] = s[NEXT_EVENT] = 0;
+    while (cycles-- > 0)
+        tick(s);
+    s[SAMPLED] = 0;
     return INTERRUPTED;
 }
 
-/* Lets a flag that is doubtful be set now. */
-void happen(i64 *s, i64 flag)
-{
-    if (flag == WRITE_OVER) { /* section 3.2 */
-        s[EECON1] = (s[EECON1] & ~WR) | EEIF;
-        s[WRITTEN_BY] = NEVER;
-        s[UNFINISHED] = -1;
-    } else {
-        s[INTCON] = (s[INTCON] & ~(flag << 8)) | flag;
-    }
-}
-
-/* Returns the cycle in which the frame's next edge is missed, or the frame ends; NEVER before the first
-   pulse. */
-static i64 pending(const i64 *s, const Edges *edges, const Board *board)
-{
-    if (s[FRAME] == BEFORE)
-        return NEVER;
-    return s[FRAME] + (s[EDGE] < edges->count ? edges->at[s[EDGE]] + 1 : board->period);
-}
-
-/* Processes the events that are due between two instructions; returns the reason to stop. */
+/* Processes what is due between two instructions; returns the reason to stop. */
 i64 events(i64 *s, const Edges *edges, const Board *board)
 {
-    i64 now = s[CYCLE];
-    if (now >= s[OVERFLOW_AT]) { /* one cycle before TMR0 is read as 00h (section 5.3) */
-        happen(s, T0IF);
-        request(s, s[OVERFLOW_AT]);
-        s[OVERFLOW_AT] += 256 * ratio(s);
-    }
-    if (now >= s[WRITTEN_BY]) {
-        i64 by = s[WRITTEN_BY];
-        happen(s, WRITE_OVER);
-        request(s, by);
-    }
-    if (now >= s[TIME_OUT_AT])
+    if (times_out(s, board))
         return WATCHED;
-    if (now > s[DARK_UNTIL])
+    if (s[DARK] > GLITCH + 1)
         return DARK_PIN;
-    i64 due = pending(s, edges, board);
-    if (s[FRAME] != BEFORE && now >= due)
-        return s[EDGE] < edges->count ? MISSING : NEW_FRAME;
-    if (s[DOUBTED] && s[DECLINED] != now)
-        return MAY_INTERRUPT;
-    if (s[REQUESTED] < now)
-        return interrupt(s, s[REQUESTED] + 3);
-    /* What the next instruction samples may interrupt after it, even if it clears GIE. */
-    s[DOUBTED] = s[INTCON] & GIE ? doubtful(s) : 0;
-    s[DECLINED] = s[DOUBTED] ? now : -1;
-    i64 next = min(min(s[OVERFLOW_AT], s[TIME_OUT_AT]), min(s[DARK_UNTIL] + 1, due));
-    next = min(min(next, s[REQUESTED] + 1), min(s[WRITTEN_BY], board->limit));
-    s[NEXT_EVENT] = s[DOUBTED] ? min(next, now) : next;
-    return now >= board->limit ? TOO_LONG : GOES_ON;
+    if (s[STAGE] == RUNS && s[EDGE] < edges->count && s[TIME] > edges->at[s[EDGE]])
+        return MISSING;
+    if (s[STAGE] == RUNS && s[EDGE] >= edges->count && s[TIME] >= board->period)
+        return NEW_FRAME;
+    if (s[DOUBTED]) { /* sampled in the first cycle of the latest instruction, or in its last one */
+        i64 way = choose(s, NOTHING | s[DOUBTED] | s[DOUBTED] << IS_NOP), flag = way & s[DOUBTED];
+        if (!way)
+            return MAY_INTERRUPT;
+        s[WAY] = s[DOUBTED] = 0;
+        if (way != NOTHING) {
+            happen(s, flag ? flag : way >> IS_NOP);
+            return interrupt(s, flag ? 1 : 2);
+        }
+    }
+    if (s[SAMPLED] > 1)
+        return interrupt(s, 4 - s[SAMPLED]);
+    return s[CYCLE] >= board->limit ? TOO_LONG : GOES_ON;
 }
 
-/* Goes on after SLEEP, which a flag has ended, or (0) the watchdog; TMR0 stood still, and the watchdog is
-   cleared (section 6.11.2). */
-void wake(i64 *s, const Board *board, i64 flag)
+/* SLEEP: a NOP if an enabled flag is set; else such a flag ends it, or the watchdog, or nothing does. TMR0
+   stands still (section 6.11). */
+static i64 sleep(i64 *s, const Board *board)
 {
-    if (flag)
-        happen(s, flag);
+    i64 set = certain(s), wakers = INTF | RBIF | (s[EECON1] & WR ? WRITE_OVER : 0);
+    i64 ways = doubtful(s) << IS_NOP | (enabled(s) & wakers) | (board->watchdog ? NOTHING : 0) | ENDLESS;
+    i64 way = choose(s, set ? (set & -set) << IS_NOP : ways), flag = way & (FLAGS_OF_INTCON | WRITE_OVER);
+    if (!way)
+        return SLEEPS;
+    if (way != NOTHING)
+        happen(s, flag ? flag : way >> IS_NOP);
+    bool slept = flag || way == NOTHING;
+    if (slept && s[EECON1] & WR) /* the write went on, at least while the oscillator started (1024 periods, section 6.6) */
+        s[WRITE_LEFT] = max(s[WRITE_LEFT] - 256, 1);
+    if (!slept)
+        sample(s); /* no other flag comes before this one */
     s[PC] = (s[PC] + 1) & 0x3FF;
-    s[CYCLE] += 1;
-    s[DOUBTED] = 0;
+    s[WAY] = 0;
     s[CHOSEN] = UNKNOWN;
-    if (s[EECON1] & WR) /* it went on, at least while the oscillator started (1024 periods, section 6.6) */
-        s[WRITTEN_BY] = max(s[WRITTEN_BY] - 256, s[CYCLE]);
-    clear_watchdog(s, board, s[CYCLE], flag ? TO : 0);
-    request(s, s[CYCLE]); /* the instruction after SLEEP is executed before the interrupt */
-}
-
-/* Goes on after a SLEEP that is a NOP, because an enabled flag is set (section 6.11.3). */
-void do_not_sleep(i64 *s, i64 flag)
-{
-    happen(s, flag);
-    request(s, s[CYCLE]); /* no other comes before it */
-    s[PC] = (s[PC] + 1) & 0x3FF;
-    s[CYCLE] += 1;
-    s[DOUBTED] = 0;
-    s[CHOSEN] = UNKNOWN;
-    s[NEXT_EVENT] = 0;
+    tick(s);
+    if (slept)
+        clear_watchdog(s, flag ? TO : 0);
+    return GOES_ON;
 }
 
 /* Registers ------------------------------------------------------------ */
 
 static bool is_port(i64 slot) { return slot == PORTA || slot == PORTB; }
 
-/* Compares the pins with the expected edges after the instruction of `cycle` wrote a port or TRIS. */
-i64 drive(i64 *s, const Edges *edges, const Board *board, i64 cycle)
+/* Compares the pins with the expected edges after an instruction wrote a port or TRIS. */
+i64 drive(i64 *s, const Edges *edges, const Board *board)
 {
-    i64 tris = s[TRISA] | s[TRISB] << 5;
+    i64 tris = s[TRISA] | s[TRISB] << 5, edge = s[EDGE];
     i64 out = ((s[PORTA] & 0x1F) | (s[PORTB] & 0xFF) << 5) & ~tris;
     i64 dark = (s[PORTA] >> 8 | s[PORTB] >> 8 << 5) & ~tris;
-    bool was_dark = s[FRAME] == BEFORE && s[DARK_UNTIL] != NEVER; /* some chip's first pulse may have begun */
-    s[DARK_UNTIL] = dark ? min(s[DARK_UNTIL], cycle + GLITCH) : NEVER;
-    if (s[FRAME] == BEFORE && out == 0)
+    bool was_dark = s[STAGE] == BEFORE && s[DARK]; /* some chip's first pulse may have begun */
+    s[DARK] = dark ? max(s[DARK], 1) : 0;
+    if (s[STAGE] == BEFORE && out == 0)
         return GOES_ON;
     if (dark || was_dark || tris & board->channels)
         return DARK_PIN;
-    if (s[FRAME] == BEFORE) { /* the first rise is the schedule's first edge: the frame's beginning */
+    if (s[STAGE] == BEFORE) { /* the first rise is the schedule's first edge: the frame's beginning */
         if (edges->count == 0)
             return WRONG_EDGE;
-        s[FRAME] = cycle - edges->at[0];
+        s[STAGE] = RUNS;
+        s[TIME] = edges->at[0];
     }
-    i64 edge = s[EDGE];
     if (out == (edge ? edges->out[edge - 1] : 0))
         return GOES_ON;
-    if (edge == edges->count || cycle != s[FRAME] + edges->at[edge] || out != edges->out[edge])
+    if (edge == edges->count || s[TIME] != edges->at[edge] || out != edges->out[edge])
         return WRONG_EDGE;
     s[EDGE] += 1;
     return GOES_ON;
@@ -315,94 +304,76 @@ static i64 read_port(const i64 *s, const Board *board, i64 slot)
     return (((s[slot] & driven) | (board->levels >> shift & held)) & used & ~unknown) | unknown << 8;
 }
 
-/* Returns the byte that an instruction in `cycle` reads from a register. */
-i64 read_slot(const i64 *s, const Board *board, i64 slot, i64 cycle)
+/* Returns INTCON with T0IF unknown if TMR0 is, and may have overflowed. */
+static i64 intcon(const i64 *s)
+{
+    return s[TMR0] >> 8 && !(s[INTCON] & T0IF) ? s[INTCON] | T0IF << 8 : s[INTCON];
+}
+
+/* Returns the byte that an instruction reads from a register. */
+i64 read_slot(const i64 *s, const Board *board, i64 slot)
 {
     if (is_port(slot))
         return read_port(s, board, slot);
-    if (slot == INTCON && s[TMR0] >> 8 && !(s[INTCON] & T0IF)) /* it may have overflowed */
-        return (s[INTCON] & ~T0IF) | T0IF << 8;
-    if (slot == TMR0)
-        return timer(s, cycle);
-    return slot == PCL ? (s[PC] + 1) & 0xFF : s[slot];
+    if (slot == TMR0 && s[TMR0] & UNKNOWN)
+        return UNKNOWN;
+    return slot == INTCON ? intcon(s) : slot == PCL ? (s[PC] + 1) & 0xFF : s[slot];
 }
 
-/* Writes TMR0, which then stands still for two cycles (section 5). */
-static void write_timer(i64 *s, i64 cycle, i64 r)
+/* Makes TMR0 a cell from which it counts after so many cycles. */
+static void set_timer(i64 *s, i64 r, i64 still)
 {
-    i64 m = r >> 16 ? 0xFF : r >> 8;
-    if (s[TMR0] >> 8 && !(s[INTCON] & T0IF)) /* it may have overflowed */
-        s[INTCON] = (s[INTCON] & ~T0IF) | T0IF << 8;
-    s[TMR0] = (m && !(r >> 16)) || s[OPTION] & T0CS ? UNKNOWN : r & 1 << 16;
-    s[TMR0_FROM] = cycle + 3;
-    s[TMR0_ZERO] = cycle + 3 - (r & 0xFF) * ratio(s);
-    s[OVERFLOW_AT] = s[TMR0] ? NEVER : s[TMR0_ZERO] + 256 * ratio(s) - 1;
-}
-
-/* Writes OPTION_REG. When TMR0 begins to count by another clock is not specified (section 5). */
-static void write_option(i64 *s, const Board *board, i64 cycle, i64 r)
-{
-    i64 changed = s[OPTION] ^ r;
-    s[OPTION] = r;
-    if (changed & (T0CS | PSA | PS)) {
-        s[TMR0] = UNKNOWN;
-        s[TMR0_FROM] = s[TMR0_ZERO] = 0;
-        s[OVERFLOW_AT] = NEVER;
-    }
-    if (changed & (PSA | PS))
-        plan_time_out(s, board, changed, cycle);
+    s[TMR0] = (r & UNKNOWN) || s[OPTION] & T0CS ? UNKNOWN : r;
+    s[PRESCALER] = 0;
+    s[STILL] = still;
 }
 
 /* Writes EECON1: RD reads at once; WR begins a write if the keys 55h and AAh were written to EECON2 three and
    one cycles ago, and can be set, but not cleared (section 3). */
-static i64 write_eecon1(i64 *s, i64 *eeprom, const Board *board, i64 cycle, i64 r)
+static i64 write_eecon1(i64 *s, i64 *eeprom, const Board *board, i64 r)
 {
     bool began = !(s[EECON1] & WR) && r & WR;
-    if (began && !(s[KEYS] == 2 && s[KEY_AT] + 1 == cycle && s[EECON1] & WREN))
+    if (began && !(s[KEY_2] == 1 && s[EECON1] & WREN))
         return SEQUENCE;
     s[EECON1] = (r & (EEIF | WREN | WRERR | WRERR << 8)) | ((s[EECON1] | r) & WR);
     if (began) {
-        s[WRITTEN_BY] = cycle + 1 + board->longest_write;
+        s[WRITE_LEFT] = board->longest_write + 1;
         eeprom[EEPROM_WRITTEN] = 1;
-        s[KEYS] = s[KEY_AT] = 0;
     }
     if (r & RD) {
         s[EEDATA] = s[EEADR] < 64 ? eeprom[s[EEADR]] : UNKNOWN;
         eeprom[EEPROM_READ] = 1;
     }
-    request(s, cycle + 1);
     return GOES_ON;
 }
 
-/* Writes EECON2: the keys, MOVLW between them (section 3.2). */
-static void write_key(i64 *s, i64 cycle, i64 r)
-{
-    bool second = r == 0xAA && s[KEYS] == 1 && s[KEY_AT] + 2 == cycle;
-    s[KEYS] = second ? 2 : r == 0x55;
-    s[KEY_AT] = cycle;
-}
-
-/* Writes a register other than PCL, STATUS and the ports by an instruction in `cycle`. */
-i64 write_slot(i64 *s, i64 *eeprom, const Board *board, i64 slot, i64 cycle, i64 r)
+/* Writes a register other than PCL, STATUS and the ports. */
+i64 write_slot(i64 *s, i64 *eeprom, const Board *board, i64 slot, i64 r)
 {
     i64 m = r >> 16 ? 0xFF : r >> 8;
     if ((slot == INTCON && m & ~FLAGS_OF_INTCON) || (slot == OPTION && m) || (slot == EECON1 && m & ~WRERR))
         return REGISTER;
     switch (slot) {
-    case TMR0:
-        write_timer(s, cycle, r);
+    case TMR0: /* it stands still for two cycles (section 5) */
+        s[INTCON] = intcon(s);
+        set_timer(s, r, 3);
         break;
     case INTCON: /* INTF and RBIF may be set again at once by the pins (section 6.8) */
         s[INTCON] = (r & 0xFF) | (m | ((INTF | RBIF) & ~r)) << 8;
-        request(s, cycle + 1);
         break;
-    case OPTION:
-        write_option(s, board, cycle, r);
+    case OPTION: /* when TMR0 begins to count by another clock is not specified (section 5) */
+        m = s[OPTION] ^ r;
+        s[OPTION] = r;
+        if (m & (T0CS | PSA | PS))
+            set_timer(s, UNKNOWN, 0);
+        if (m & (PSA | PS))
+            s[RESCALED] = board->watchdog && r & PSA;
         break;
     case EECON1:
-        return write_eecon1(s, eeprom, board, cycle, r);
-    case EECON2:
-        write_key(s, cycle, r);
+        return write_eecon1(s, eeprom, board, r);
+    case EECON2: /* the keys, MOVLW between them (section 3.2) */
+        s[KEY_2] = r == 0xAA && s[KEY_1] == 1 ? 2 : 0;
+        s[KEY_1] = r == 0x55 ? 3 : 0;
         break;
     case PCLATH:
         s[PCLATH] = (r & ~m & 0x1F) | (m & 0x1F) << 8;
@@ -421,7 +392,7 @@ i64 write_slot(i64 *s, i64 *eeprom, const Board *board, i64 slot, i64 cycle, i64
 i64 ask(i64 *s, i64 slot, i64 bits)
 {
     s[ASKED] = slot;
-    s[ASKED_BIT] = bits & -bits & 0xFF;
+    s[ASKED_BITS] = bits & -bits & 0xFF;
     return bits & 0xFF ? FORK : PHASE;
 }
 
@@ -443,7 +414,7 @@ static i64 locate(i64 *s, i64 f, const i64 *slots)
 /* Returns a register as the next instruction reads it, with the bits that were chosen. */
 static i64 chosen_register(const i64 *s, const Board *board, i64 slot)
 {
-    i64 a = read_slot(s, board, slot, s[CYCLE]);
+    i64 a = read_slot(s, board, slot);
     i64 chosen = a >> 8 & ~s[CHOSEN] >> 8 & 0xFF;
     return (a & ~(chosen << 8)) | (s[CHOSEN] & chosen);
 }
@@ -488,13 +459,12 @@ static i64 store(
     }
     if (slot == PCL)
         return GOES_ON;
-    s[NEXT_EVENT] = 0;
     if (!is_port(slot) && slot != TRISA && slot != TRISB)
-        return write_slot(s, memory->eeprom, board, slot, s[CYCLE], r);
+        return write_slot(s, memory->eeprom, board, slot, r);
     if (r >> 8 && (r >> 16 || slot >= TRISA))
         return REGISTER;
     s[slot] = slot == PORTA || slot == TRISA ? r & 0x1F1F : r;
-    return drive(s, edges, board, s[CYCLE]);
+    return drive(s, edges, board);
 }
 
 /* Pushes the address of the next instruction, and goes to another (section 2.4). */
@@ -508,26 +478,20 @@ static i64 call(i64 *s, i64 address)
     return GOES_ON;
 }
 
-/* Returns from a subroutine, or from the interrupt, in whose second cycle a flag may be sampled. */
-static i64 leave(i64 *s, bool retfie)
+/* Returns from a subroutine, or from the interrupt. */
+static i64 leave(i64 *s)
 {
     if (s[DEPTH] == 0)
         return EMPTY;
     s[DEPTH] -= 1;
     s[PC] = s[STACK + s[DEPTH]];
     s[STACK + s[DEPTH]] = 0;
-    if (retfie)
-        s[DOUBTED] = doubtful(s);
     return GOES_ON;
 }
 
 /* Returns whether a listed state can describe this one: it has no time of a timer that stands still, no
-   interrupt under way, and no keys in EECON2. */
-i64 at_rest(const i64 *s)
-{
-    bool keys = s[KEYS] > 0 && s[CYCLE] <= s[KEY_AT] + 2;
-    return !keys && s[CYCLE] >= s[TMR0_FROM] && s[REQUESTED] == NEVER;
-}
+   interrupt under way, no keys in EECON2, and no prescaler that has kept a count. */
+i64 at_rest(const i64 *s) { return !s[KEY_1] && !s[KEY_2] && !s[STILL] && !s[SAMPLED] && !s[RESCALED]; }
 
 /* Notes that a slot is read. */
 static void note_read(i64 *used, i64 slot)
@@ -536,11 +500,10 @@ static void note_read(i64 *used, i64 slot)
         used[slot] = READ;
 }
 
-/* Sets PC and the cycle after the instruction `row`, whose result `r` went to `slot`; returns `reason`, or
-   why the stack ends the run. */
-static i64 go_on(i64 *s, const i64 *row, const Board *board, i64 slot, i64 r, i64 reason)
+/* Goes on after the instruction `row`, whose result `r` went to `slot`; returns why the stack ends the run. */
+static i64 go_on(i64 *s, const i64 *row, i64 slot, i64 r)
 {
-    i64 flow = row[FLOW], after = (s[PC] + 1) & 0x3FF;
+    i64 flow = row[FLOW], after = (s[PC] + 1) & 0x3FF, reason = GOES_ON;
     i64 cycles = flow == NEXT || flow == SKIP || flow == CLRWDT ? 1 : 2;
     if (flow == SKIP && r == 0) {
         after = (s[PC] + 2) & 0x3FF;
@@ -550,18 +513,20 @@ static i64 go_on(i64 *s, const i64 *row, const Board *board, i64 slot, i64 r, i6
         cycles = 2;
     } else if (flow == JUMP) {
         after = row[K] & 0x3FF;
-    } else if ((flow == CALL || flow == RETURN) && reason == GOES_ON) {
-        reason = flow == CALL ? call(s, row[K] & 0x3FF) : leave(s, slot == INTCON);
+    } else if (flow == CALL || flow == RETURN) {
+        reason = flow == CALL ? call(s, row[K] & 0x3FF) : leave(s);
         after = s[PC];
-    } else if (flow == CLRWDT) {
-        clear_watchdog(s, board, s[CYCLE] + 1, TO_PD);
     }
-    if (reason == GOES_ON) {
-        s[CHOSEN] = UNKNOWN;
-        s[PC] = after;
-        s[CYCLE] += cycles;
-    }
-    return reason;
+    if (reason != GOES_ON)
+        return reason;
+    s[WAY] = 0;
+    s[CHOSEN] = UNKNOWN;
+    s[PC] = after;
+    while (cycles-- > 0)
+        tick(s);
+    if (flow == CLRWDT)
+        clear_watchdog(s, TO_PD);
+    return GOES_ON;
 }
 
 /* Executes the instruction at PC; returns the reason to stop. */
@@ -573,10 +538,19 @@ static i64 execute(i64 *s, i64 *used, const Edges *edges, const Memory *memory, 
     if (row[ADDRESS] >= 0) {
         slot = locate(s, row[ADDRESS], memory->slots);
         if (slot < 0)
-            return s[ASKED_BIT] ? FORK : PHASE;
+            return s[ASKED_BITS] ? FORK : PHASE;
     }
-    if (slot == EECON1 && s[EECON1] & WR && s[UNFINISHED] != s[CYCLE])
-        return MAY_BE_WRITTEN;
+    if (slot == EECON1 && s[EECON1] & WR) {
+        i64 way = choose(s, NOTHING | WRITE_OVER);
+        if (!way)
+            return MAY_BE_WRITTEN;
+        if (way == WRITE_OVER) {
+            happen(s, WRITE_OVER);
+            sample(s);
+        }
+    }
+    /* What the instruction samples may interrupt after it, even if it clears GIE; RETFIE has set GIE then. */
+    i64 doubted = s[INTCON] & GIE || (row[FLOW] == RETURN && slot == INTCON) ? doubtful(s) : 0;
     if (row[READS_F]) {
         a = slot < RAM ? chosen_register(s, board, slot) : s[slot];
         note_read(used, slot);
@@ -607,7 +581,8 @@ static i64 execute(i64 *s, i64 *used, const Edges *edges, const Memory *memory, 
         reason = store(s, edges, memory, board, slot, r, flags);
     }
     /* 4: where it goes on */
-    return go_on(s, row, board, slot, r, reason);
+    s[DOUBTED] = doubted;
+    return reason == GOES_ON ? go_on(s, row, slot, r) : reason;
 }
 
 /* Runs to the next cut, fork, frame or last edge of a frame, and returns the reason; the instruction at PC is
@@ -617,26 +592,22 @@ static i64 execute(i64 *s, i64 *used, const Edges *edges, const Memory *memory, 
    depends on no others of these bytes, and changes none but the written ones. */
 i64 run(i64 *s, i64 *used, const Edges *edges, const Memory *memory, const Board *board)
 {
-    s[NEXT_EVENT] = 0;
     bool pulses = s[EDGE] < edges->count;
     for (;;) {
-        if (s[CYCLE] >= s[NEXT_EVENT]) {
-            i64 reason = events(s, edges, board);
-            if (reason == INTERRUPTED)
-                continue;
-            if (reason == GOES_ON && pulses && s[EDGE] == edges->count)
-                return LAST_EDGE;
-            if (reason != GOES_ON)
-                return reason;
-        }
+        i64 reason = events(s, edges, board);
+        if (reason == INTERRUPTED)
+            continue;
+        if (reason == GOES_ON && pulses && s[EDGE] == edges->count)
+            return LAST_EDGE;
+        if (reason != GOES_ON)
+            return reason;
         const i64 *row = memory->code[s[PC]];
-        if (row[IS_CUT] && s[CYCLE] > 0 && s[FRAME] != BEFORE && at_rest(s) && !s[DOUBTED])
+        bool may_come = s[INTCON] & GIE && doubtful(s);
+        if (row[IS_CUT] && s[CYCLE] > 0 && s[STAGE] != BEFORE && at_rest(s) && !may_come)
             return CUT;
-        if (row[FLOW] == SLEEP)
-            return SLEEPS;
-        if (row[FLOW] == NO_FLOW)
-            return NO_WORD;
-        i64 reason = execute(s, used, edges, memory, board);
+        reason = row[FLOW] == NO_FLOW ? NO_WORD
+            : row[FLOW] == SLEEP      ? sleep(s, board)
+                                      : execute(s, used, edges, memory, board);
         if (reason != GOES_ON)
             return reason;
     }

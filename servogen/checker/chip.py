@@ -14,30 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from servogen.checker.layout import (
-    BANK_1,
-    DC,
-    EECON2,
-    FLOWS,
-    GIE,
-    INTCON,
-    IS_CUT,
-    NATIVE,
-    NOWHERE,
-    OPERATIONS,
-    OPTION,
-    PCL,
-    RAM,
-    RAM_END,
-    REGISTERS,
-    SAME_AS,
-    X_IS_CARRY,
-    X_IS_W,
-    C,
-    ChipSurroundings,
-    W,
-    Z,
-)
+from servogen.checker import layout
 from servogen.pic.image import Image
 from servogen.pic.isa import decode
 
@@ -58,25 +35,35 @@ class ChipMemory(NamedTuple):
 
 def program_code(image: Image, cuts: frozenset[int]) -> Ints:
     """Return the program decoded; runs stop at `cuts`."""
-    code = np.zeros((1024, IS_CUT + 1), dtype=np.int64)
+    code = np.zeros((1024, layout.IS_CUT + 1), dtype=np.int64)
     for address, word in image.program.items():
         decoded = decode(word)
         if decoded is None:
             continue
         row = decoded.instruction
-        name = SAME_AS.get(row.mnemonic, row.mnemonic)
-        name = name if name in OPERATIONS else name[:3] if name[:3] in OPERATIONS else "CLR"
+        name = layout.SAME_AS.get(row.mnemonic, row.mnemonic)
+        name = name if name in layout.OPERATIONS else name[:3] if name[:3] in layout.OPERATIONS else "CLR"
         carry, from_w = "C" in row.reads, "W" in row.reads
-        slot = {"RETFIE": INTCON, "OPTION": OPTION, "TRIS": decoded.f + BANK_1}.get(row.mnemonic, NOWHERE)
+        slot = {"RETFIE": layout.INTCON, "OPTION": layout.OPTION, "TRIS": decoded.f + layout.BANK_1}.get(
+            row.mnemonic, layout.NOWHERE
+        )
         code[address] = (
-            FLOWS.index(row.mnemonic if row.mnemonic in FLOWS else row.flow),
-            OPERATIONS.index(name),
+            layout.FLOWS.index(row.mnemonic if row.mnemonic in layout.FLOWS else row.flow),
+            layout.OPERATIONS.index(name),
             decoded.f if "f" in row.operands and not slot else -1,
             slot,
             "f" in row.reads or row.mnemonic == "RETFIE",
             decoded.k,
-            X_IS_CARRY if carry else X_IS_W if from_w else GIE if slot == INTCON else 1 << decoded.b,
-            sum(bit for flag, bit in (("C", C), ("D", DC), ("Z", Z)) if flag in row.flags),
+            layout.X_IS_CARRY
+            if carry
+            else layout.X_IS_W
+            if from_w
+            else layout.GIE
+            if slot == layout.INTCON
+            else 1 << decoded.b,
+            sum(
+                bit for flag, bit in (("C", layout.C), ("D", layout.DC), ("Z", layout.Z)) if flag in row.flags
+            ),
             row.writes_w(decoded.d),
             row.writes_file(decoded.d) or slot,
             address in cuts,
@@ -86,18 +73,18 @@ def program_code(image: Image, cuts: frozenset[int]) -> Ints:
 
 def slot_table() -> Ints:
     """Return the slot of each address: a register of both banks, or of one; NOWHERE for those without."""
-    slots = np.full(256, NOWHERE)
-    for slot in (*(row.slot for row in REGISTERS if row.slot != W), EECON2):
-        slots[slot if slot < BANK_1 else slot - BANK_1 | 0x80] = slot
-    both = [row.slot for row in REGISTERS if row.both_banks]
-    for low in (PCL, *both, *range(RAM, RAM_END)):
+    slots = np.full(256, layout.NOWHERE)
+    for slot in (*(row.slot for row in layout.REGISTERS if row.slot != layout.W), layout.EECON2):
+        slots[slot if slot < layout.BANK_1 else slot - layout.BANK_1 | 0x80] = slot
+    both = [row.slot for row in layout.REGISTERS if row.both_banks]
+    for low in (layout.PCL, *both, *range(layout.RAM, layout.RAM_END)):
         slots[[low, low | 0x80]] = low
     return slots
 
 
 @cache
-def _library() -> ctypes.CDLL:
-    return NATIVE.load()
+def library() -> ctypes.CDLL:
+    return layout.NATIVE.load()
 
 
 def exported(
@@ -143,40 +130,20 @@ def _pack(*numbers: int) -> Any:
     return (ctypes.c_int64 * len(numbers))(*map(int, numbers))
 
 
-def _edges(at: Ints, out: Ints) -> tuple[int, ...]:
+def edges(at: Ints, out: Ints) -> tuple[int, ...]:
+    """Return the edges of a frame as C takes them."""
     return len(at), _address(at), _address(out)
 
 
-# chip.c explains each of these functions.
-ask, at_rest, certain, doubtful, enabled, interrupt, operate, ratio, timer, read, write = (
-    exported(_library, name)
-    for name in (
-        *("ask", "at_rest", "certain", "doubtful", "enabled", "interrupt", "operate", "ratio", "timer"),
-        *("read_slot", "write_slot"),
-    )
-)
-do_not_sleep, happen, plan_time_out, request, wake = (
-    exported(_library, name, None) for name in ("do_not_sleep", "happen", "plan_time_out", "request", "wake")
-)
-_drive, _events, _run = (exported(_library, name) for name in ("drive", "events", "run"))
-
-
-def drive(s: Ints, edge_at: Ints, edge_out: Ints, board: ChipSurroundings, cycle: int) -> int:
-    """Compare the pins with the expected edges after the instruction of `cycle` wrote a port or TRIS."""
-    return _drive(s, _edges(edge_at, edge_out), board, cycle)
-
-
-def events(s: Ints, edge_at: Ints, board: ChipSurroundings) -> int:
-    """Process the events that are due between two instructions; return the reason to stop."""
-    return _events(s, _edges(edge_at, edge_at), board)
+at_rest, _run = exported(library, "at_rest"), exported(library, "run")
 
 
 def run(
-    s: Ints, used: Ints, edge_at: Ints, edge_out: Ints, memory: ChipMemory, board: ChipSurroundings
+    s: Ints, used: Ints, edge_at: Ints, edge_out: Ints, memory: ChipMemory, board: layout.ChipSurroundings
 ) -> int:
     """Run to the next cut, fork, frame or last edge of a frame, and return the reason; the instruction at PC
     is not executed.
 
     Note in `used` which of W and the RAM were read before they were written, and which were written.
     """
-    return _run(s, used, _edges(edge_at, edge_out), memory, board)
+    return _run(s, used, edges(edge_at, edge_out), memory, board)

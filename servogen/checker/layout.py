@@ -19,30 +19,29 @@ EEDATA, EEADR, PCLATH, INTCON, RAM, RAM_END = 8, 9, 10, 11, 12, 0x50
 BANK_1 = W = 0x50
 OPTION, TRISA, TRISB, EECON1, EECON2 = 0x51, 0x55, 0x56, 0x58, 0x59
 (PC, DEPTH,
- CYCLE,             # of the next instruction
- TMR0_FROM,         # the cycle from which TMR0 counts again after a write
- TMR0_ZERO,         # a cycle in which its count was 0
- OVERFLOW_AT,       # the cycle in which T0IF is set next
- REQUESTED,         # the cycle in which an interrupt was sampled
+ CYCLE,             # since the run began
+ PRESCALER,         # the cycles since TMR0 counted; 0 if its count is unknown
+ STILL,             # the cycles for which TMR0 does not count, after a write
+ SAMPLED,           # the cycle after an interrupt was sampled: 1, 2, ...; 0 for none
  DOUBTED,           # the flags that may have been sampled in the latest instruction
- DECLINED,          # the cycle in which none of them was, by choice
- CLEARED,           # the cycle after CLRWDT
- TIME_OUT_AT,       # the cycle from which on a watchdog may time out
- WRITTEN_BY,        # the cycle in which an EEPROM write is over on every chip
- UNFINISHED,        # the cycle in which it was not over, by choice
- KEYS, KEY_AT,      # how many keys were written to EECON2, and when
- DARK_UNTIL,        # the last cycle in which a pin may have an unknown level
- FRAME,             # the cycle in which the frame began
- EDGE,              # the number of the frame's next edge
- NEXT_EVENT,        # the cycle up to which `events` has nothing to do
+ AGE,               # the cycles since the watchdog was cleared
+ RESCALED,          # whether its prescaler may have kept a count since then
+ WRITE_LEFT,        # the cycles in which an EEPROM write is over on every chip
+ KEY_1, KEY_2,      # after a key was written to EECON2: cycles up to the next step of the sequence
+ DARK,              # the cycle since a pin has an unknown level: 1, 2, ...; 0 for none
+ STAGE, TIME, EDGE, # the frames; the cycle in the frame, and the number of its next edge
  CHOSEN,            # a cell: bits that the next instruction reads, by choice
- ASKED, ASKED_BIT,  # what has to be chosen: a slot and a bit
- STACK) = range(0x60, 0x77)  # fmt: skip
+ WAY,               # what happens by itself next, by choice: one of the `ASKED_BITS`
+ ASKED, ASKED_BITS, # what has to be chosen: a bit of a slot, or one of several ways
+ STACK) = range(0x60, 0x75)  # fmt: skip
 SLOTS = STACK + 8
 UNKNOWN = 0xFF00
-NEVER = 1 << 60
-BEFORE = -NEVER
-"""`FRAME` before the first pulse."""
+BEFORE, RUNS, OVER = range(3)
+"""`STAGE`: before the first pulse; frames follow one another; no pulse will follow."""
+IS_NOP, NOTHING, ENDLESS = 4, 0x100, 0x200
+"""`WAY`: a flag is set; SLEEP is a NOP (the flag, moved by as many places), or an interrupt one cycle later;
+nothing happens, but for the watchdog in SLEEP; SLEEP does not end.
+"""
 
 C, DC, Z, RP0, TO, TO_PD = 1, 2, 4, 0x20, 0x10, 0x18
 GIE, EEIE, T0IE, INTE, RBIE = 0x80, 0x40, 0x20, 0x10, 0x08

@@ -13,19 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from servogen.checker import check, chip, layout
-from servogen.checker.certificate import (
-    AGES,
-    CELLS,
-    FRAME_NUMBER,
-    NUMBERS,
-    Certificate,
-    fingerprint,
-    read_certificate,
-)
-from servogen.checker.certificate import (
-    WIDTH as STATE_WIDTH,
-)
+from servogen.checker import chip, layout
+from servogen.checker.certificate import CELLS, NUMBERS, Certificate, fingerprint, read_certificate
+from servogen.checker.certificate import WIDTH as STATE_WIDTH
 from servogen.checker.check import Checker, Refused
 from servogen.checker.plan import Place, read_plan
 from servogen.pic.assembler import assemble
@@ -131,13 +121,14 @@ class Maker(Checker):
         return Certificate("", "", 0, {}, frozenset(), places, self.listed[:, :STATE_WIDTH])
 
     def _compare(self, rows: chip.Ints) -> None:
-        for settled, row in zip(check._settled(rows), rows, strict=True):
+        for row in rows:
             self._listed = []
             self._states = self._started(self._known(self._claim()))
             try:
                 super()._compare(row[None])
             except Refused:
-                listed = settled.copy()
+                listed = row.copy()
+                listed[layout.CYCLE] = 0
                 self.forget(listed)
                 self.listed = np.concatenate([self.listed, listed[None]])
 
@@ -147,10 +138,7 @@ def certify(image: Image, plan_text: bytes, cuts: list[int], forget: Forget = la
     plan = read_plan(plan_text, "schedule.json")
     none = np.zeros((0, STATE_WIDTH), dtype=np.int64)
     claim = Maker(image, plan, Certificate("", "", 0, {}, frozenset(cuts), [], none)).make(forget)
-    states = claim.states.copy()
-    states[:, AGES] *= -1
-    states[states[:, layout.WRITTEN_BY] == layout.NEVER, layout.WRITTEN_BY] = 0
-    states[states[:, FRAME_NUMBER] < 0, layout.FRAME] = 0
+    states = claim.states
     columns = {
         name: {"delta": np.diff([0, *states[:, slot].tolist()]).tolist()}
         for name, (slot, _) in (*CELLS.items(), *NUMBERS.items())

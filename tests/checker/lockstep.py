@@ -91,17 +91,8 @@ def power_up() -> chip.Ints:
         s[slot] = layout.UNKNOWN
     s[layout.PORTA] = s[layout.STATUS] = 0x1F00
     s[layout.EECON1] = 0x0800
-    s[layout.OPTION], s[layout.TRISA], s[layout.TRISB], s[layout.FRAME] = 0xFF, 0x1F, 0xFF, layout.BEFORE
+    s[layout.OPTION], s[layout.TRISA], s[layout.TRISB] = 0xFF, 0x1F, 0xFF
     s[layout.INTCON] = 0x0300  # INTF and RBIF may be set by the pins at once
-    for slot in (
-        layout.OVERFLOW_AT,
-        layout.REQUESTED,
-        layout.TIME_OUT_AT,
-        layout.WRITTEN_BY,
-        layout.DARK_UNTIL,
-    ):
-        s[slot] = layout.NEVER
-    s[layout.DECLINED] = s[layout.UNFINISHED] = -1
     return s
 
 
@@ -114,9 +105,7 @@ def memory(image: Image) -> chip.ChipMemory:
 
 def board(limit: int) -> layout.ChipSurroundings:
     """A board on which nothing is held, that ends a run in the cycle `limit`."""
-    return layout.ChipSurroundings(
-        limit, period=layout.NEVER, channels=0, buttons=0, held=0, levels=0, watchdog=0
-    )
+    return layout.ChipSurroundings(limit, period=1 << 60, channels=0, buttons=0, held=0, levels=0, watchdog=0)
 
 
 def outputs(image: Image, machine: Machine, cycles: int) -> tuple[chip.Ints, chip.Ints]:
@@ -168,7 +157,7 @@ def compare(image: Image, seed: int, cycles: int = 3000) -> Compared:
 
 def give(s: chip.Ints, state: MachineState, image: Image) -> None:
     """Answer the checker's question with the simulator's value."""
-    slot, bits = int(s[layout.ASKED]), int(s[layout.ASKED_BIT])
+    slot, bits = int(s[layout.ASKED]), int(s[layout.ASKED_BITS])
     if slot != layout.CHOSEN:
         value = concrete(state, slot)
         assert s[slot] >> 8 & bits
@@ -201,7 +190,7 @@ def contained(s: chip.Ints, state: MachineState, phase: int, seed: int) -> None:
             assert (cell ^ value) & ~(cell >> 8) & used == 0, (
                 f"seed {seed}: slot {slot:#x} {cell:#x} {value:#x}"
             )
-    timer = int(chip.timer(s, int(s[layout.CYCLE])))
+    timer = int(s[layout.TMR0])
     if timer >> 16:
         assert (timer + phase) & 0xFF == state.registers["TMR0"], f"seed {seed}: TMR0"
     elif timer >> 8 == 0:
@@ -216,5 +205,4 @@ def forget(s: chip.Ints, rng: random.Random, phase: int) -> None:
     for slot in (*rng.sample(range(layout.RAM, layout.RAM_END), 30), 0x0C, 0x0D, 0x20):
         if s[slot] >> 8 == 0:
             s[slot] = (s[slot] - phase) & 0xFF | 1 << 16
-    s[layout.TMR0_ZERO] += phase * int(chip.ratio(s))
-    s[layout.TMR0], s[layout.OVERFLOW_AT] = 1 << 16, layout.NEVER
+    s[layout.TMR0] = (s[layout.TMR0] - phase) & 0xFF | 1 << 16

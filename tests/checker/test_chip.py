@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 
 from servogen.checker import chip, layout
-from servogen.checker.layout import NEVER, UNKNOWN
+from servogen.checker.layout import UNKNOWN
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
-from tests.checker import lockstep
+from tests.checker import functions, lockstep
 from tests.checker.lockstep import NO_EDGES
 
 MOVES = 1 << 16
 GIE, EEIE, T0IE, INTE, RBIE, T0IF, INTF, RBIF = (0x80 >> bit for bit in range(8))
 """INTCON from bit 7 down: DS35007 register 2-3."""
 NOTHING = layout.ChipSurroundings(
-    limit=NEVER, period=NEVER, channels=0, buttons=0, held=0, levels=0, watchdog=0
+    limit=1 << 60, period=1 << 60, channels=0, buttons=0, held=0, levels=0, watchdog=0
 )
 AT = 100
 """The cycle of the instructions here."""
@@ -36,11 +36,7 @@ def edges(*rows: tuple[int, int]) -> tuple[chip.Ints, chip.Ints]:
 def resting(**slots: int) -> chip.Ints:
     """Return a chip in cycle 100 with everything known to be 0, no event due, and these slots."""
     s = np.zeros(layout.SLOTS, dtype=np.int64)
-    s[[layout.OVERFLOW_AT, layout.REQUESTED, layout.TIME_OUT_AT, layout.WRITTEN_BY, layout.DARK_UNTIL]] = (
-        NEVER
-    )
-    s[[layout.DECLINED, layout.UNFINISHED]] = -1
-    s[layout.FRAME], s[layout.CHOSEN], s[layout.CYCLE] = layout.BEFORE, UNKNOWN, AT
+    s[layout.CHOSEN], s[layout.CYCLE] = UNKNOWN, AT
     s[layout.OPTION] = layout.PSA
     for name, value in slots.items():
         s[getattr(layout, name)] = value
@@ -75,7 +71,7 @@ def test_a_port_is_read_pin_by_pin() -> None:
             channels=rng.getrandbits(13), held=rng.getrandbits(13) & word, levels=rng.getrandbits(13)
         )
         for port, first, count in ((layout.PORTA, 0, 5), (layout.PORTB, 5, 8)):
-            cell = chip.read(s, board, port, AT)
+            cell = functions.read(s, board, port)
             assert cell >> 8 & cell & 0xFF == 0
             found = [None if cell >> 8 + bit & 1 else cell >> bit & 1 for bit in range(8)]
             pins = [read_pin(s, board, first + bit) for bit in range(count)]
@@ -83,21 +79,21 @@ def test_a_port_is_read_pin_by_pin() -> None:
 
 
 def test_registers_beside_the_ports_are_read_as_they_are() -> None:
-    s = resting(PC=0x1FE, FSR=0x12, EEDATA=0x3400, PCLATH=0x15, TMR0_ZERO=90, EECON1=0x0800, OPTION=0xC8)
-    assert chip.read(s, NOTHING, layout.PCL, AT) == 0xFF  # of the next instruction
+    s = resting(PC=0x1FE, FSR=0x12, EEDATA=0x3400, PCLATH=0x15, TMR0=10, EECON1=0x0800, OPTION=0xC8)
+    assert functions.read(s, NOTHING, layout.PCL) == 0xFF  # of the next instruction
     s[layout.PC] = 0x1FF
-    assert chip.read(s, NOTHING, layout.PCL, AT) == 0
+    assert functions.read(s, NOTHING, layout.PCL) == 0
     for name in ("FSR", "EEDATA", "PCLATH", "EECON1", "OPTION"):
-        assert chip.read(s, NOTHING, getattr(layout, name), AT) == s[getattr(layout, name)]
-    assert chip.read(s, NOTHING, layout.TMR0, AT) == 10
-    assert chip.read(s, NOTHING, layout.NOWHERE, AT) == 0
+        assert functions.read(s, NOTHING, getattr(layout, name)) == s[getattr(layout, name)]
+    assert functions.read(s, NOTHING, layout.TMR0) == 10
+    assert functions.read(s, NOTHING, layout.NOWHERE) == 0
 
 
 @pytest.mark.parametrize(("timer", "doubt"), [(0, 0), (UNKNOWN, T0IF), (MOVES, T0IF)])
 def test_a_flag_that_is_set_stays_so_and_t0if_is_unknown_where_tmr0_is(timer: int, doubt: int) -> None:
     for intcon, its_doubt in ((0xF8, 3), (0x07, 0), (0x00, 7), (0xA4, 3), (0x80, T0IF | 3)):
         s = resting(INTCON=intcon | its_doubt << 8, TMR0=timer)
-        cell = chip.read(s, NOTHING, layout.INTCON, AT)
+        cell = functions.read(s, NOTHING, layout.INTCON)
         unknown = (doubt & ~intcon) | its_doubt
         assert cell == intcon & ~unknown | unknown << 8
 
@@ -110,30 +106,26 @@ def test_tmr0_counts_once_in_2_to_256_cycles_from_the_third_after_a_write(ps: in
     """DS35007 section 5 and register 2-2; the cycle in which T0IF is seen: DS30430 figure 6-4."""
     ratio = 2 << ps
     s = resting(OPTION=ps)
-    assert chip.write(s, np.zeros(66, np.int64), NOTHING, layout.TMR0, AT, 250) == layout.GOES_ON
-    counts = AT + 3
-    for cycle in (*range(AT + 1, counts + 1), counts + ratio - 1):
-        assert chip.timer(s, cycle) == 250
-    for n in (1, 5, 6, 261, 262):
-        assert chip.timer(s, counts + n * ratio) == (250 + n) % 256
-        assert chip.timer(s, counts + n * ratio - 1) == (249 + n) % 256
-    assert s[layout.OVERFLOW_AT] == counts + 6 * ratio - 1
-    s[layout.CYCLE] = s[layout.OVERFLOW_AT] - 1
-    chip.events(s, NO_EDGES, NOTHING)
+    assert functions.write(s, np.zeros(66, np.int64), NOTHING, layout.TMR0, 250) == layout.GOES_ON
+    for cycle in range(1, 3 + (6 + 256) * ratio + 2):
+        functions.tick(s)
+        assert s[layout.TMR0] == (250 + max(0, cycle - 3) // ratio) % 256
+        assert bool(s[layout.INTCON] & T0IF) == (cycle >= 3 + 6 * ratio - 1)
+        assert s[layout.STILL] == max(0, 3 - cycle)
+    s[layout.INTCON] = 0
+    functions.tick(s, 256 * ratio - 3)
     assert s[layout.INTCON] == 0
-    s[layout.CYCLE] += 1
-    chip.events(s, NO_EDGES, NOTHING)
-    assert s[layout.INTCON] == T0IF
-    assert s[layout.OVERFLOW_AT] == counts + (6 + 256) * ratio - 1
+    functions.tick(s)
+    assert s[layout.INTCON] == T0IF  # 256 counts later
 
 
 def test_a_write_of_tmr0_whose_count_was_unknown_leaves_t0if_unknown() -> None:
     for before in (UNKNOWN, MOVES):
         s = resting(TMR0=before, INTCON=T0IE)
-        chip.write(s, np.zeros(66, np.int64), NOTHING, layout.TMR0, AT, 5)
+        functions.write(s, np.zeros(66, np.int64), NOTHING, layout.TMR0, 5)
         assert s[layout.INTCON] == T0IE | T0IF << 8
     s = resting(INTCON=T0IE | T0IF)
-    chip.write(s, np.zeros(66, np.int64), NOTHING, layout.TMR0, AT, 5)
+    functions.write(s, np.zeros(66, np.int64), NOTHING, layout.TMR0, 5)
     assert s[layout.INTCON] == T0IE | T0IF
 
 
@@ -143,41 +135,38 @@ def test_a_change_of_tmr0s_clock_makes_its_count_unknown_and_other_bits_of_optio
     bit: int, before: int
 ) -> None:
     """T0CS is bit 5, PSA 3, PS2 to PS0 are 2 to 0: DS35007 register 2-2."""
-    s = resting(OPTION=before, TMR0_FROM=40, TMR0_ZERO=50, OVERFLOW_AT=900)
-    assert (
-        chip.write(s, np.zeros(66, np.int64), NOTHING, layout.OPTION, AT, before ^ 1 << bit) == layout.GOES_ON
-    )
-    assert s[layout.OPTION] == before ^ 1 << bit
-    after = s[[layout.TMR0, layout.TMR0_FROM, layout.TMR0_ZERO, layout.OVERFLOW_AT]].tolist()
-    assert after == ([UNKNOWN, 0, 0, NEVER] if bit in (0, 1, 2, 3, 5) else [0, 40, 50, 900])
+    s = resting(OPTION=before, STILL=1, TMR0=50, PRESCALER=1)
+    option = before ^ 1 << bit
+    assert functions.write(s, np.zeros(66, np.int64), NOTHING, layout.OPTION, option) == layout.GOES_ON
+    after = s[[layout.OPTION, layout.TMR0, layout.STILL, layout.PRESCALER]].tolist()
+    assert after == [option, *([UNKNOWN, 0, 0] if bit in (0, 1, 2, 3, 5) else [50, 1, 1])]
 
 
 WATCHED = NOTHING._replace(watchdog=7000)
 
 
 @pytest.mark.parametrize(
-    ("option", "changed", "cycle", "due"),
+    ("option", "then", "due"),
     [
-        (0x00, 0, AT, 60 + 7000),  # the prescaler is TMR0's
-        (0x07, 0, AT, 60 + 7000),
-        (0x08, 0, AT, 60 + 7000),
-        (0x0B, 0, AT, 60 + 7000 * 8),
-        (0x0F, 0, AT, 60 + 7000 * 128),
-        (0x0F, 0x04, AT, 60 + 7000),  # its count may not be 0: PSA may have been set since CLRWDT
-        (0x0F, 0x08, AT, 60 + 7000),
-        (0x07, 0x08, AT, 60 + 7000),
-        (0x0F, 0x04, 60 + 6999, 60 + 7000),
-        (0x0F, 0x04, 60 + 7000, 60 + 7000),  # a chip's prescaler may have counted one period
-        (0x0F, 0x04, 60 + 9000, 60 + 9000),
-        (0x0F, 0, 60 + 9000, 60 + 7000 * 128),
+        (0x00, None, 7000),  # the prescaler is TMR0's
+        (0x07, None, 7000),
+        (0x08, None, 7000),
+        (0x0B, None, 7000 * 8),
+        (0x0F, None, 7000 * 128),
+        (0x0F, 0x0B, 7000),  # its count may not be 0: PSA may have been set since CLRWDT
+        (0x0F, 0x07, 7000),
+        (0x07, 0x0F, 7000),
+        (0x0F, 0x1F, 7000 * 128),  # another bit
     ],
 )
-def test_when_the_watchdog_of_some_chip_may_time_out(option: int, changed: int, cycle: int, due: int) -> None:
-    s = resting(OPTION=option, CLEARED=60, TIME_OUT_AT=1)
-    chip.plan_time_out(s, WATCHED, changed, cycle)
-    assert s[layout.TIME_OUT_AT] == due
-    chip.plan_time_out(s, NOTHING, changed, cycle)
-    assert s[layout.TIME_OUT_AT] == due  # no watchdog: nothing is planned
+def test_when_the_watchdog_of_some_chip_may_time_out(option: int, then: int | None, due: int) -> None:
+    s = resting(OPTION=option)
+    if then is not None:
+        functions.write(s, np.zeros(66, np.int64), WATCHED, layout.OPTION, then)
+    for age, why in ((due - 1, layout.GOES_ON), (due, layout.WATCHED), (2 * due, layout.WATCHED)):
+        s[layout.AGE] = age
+        assert functions.events(s, NO_EDGES, WATCHED) == why
+        assert functions.events(s, NO_EDGES, NOTHING) == layout.GOES_ON  # no watchdog
 
 
 # Interrupts -----------------------------------------------------------------------------------------------
@@ -199,47 +188,31 @@ def test_when_the_watchdog_of_some_chip_may_time_out(option: int, changed: int, 
         GIE | RBIE | INTF,
     ],
 )
-@pytest.mark.parametrize(
-    ("before", "requested", "otherwise"),
-    [(NEVER, 100, NEVER), (100, 100, NEVER), (101, 100, NEVER), (99, 99, 99), (90, 90, 90)],
-)
-def test_an_interrupt_is_requested_by_gie_and_a_flag_with_its_enable_bit(
-    intcon: int, before: int, requested: int, otherwise: int
-) -> None:
+@pytest.mark.parametrize("before", [0, 1, 2])
+def test_an_interrupt_is_sampled_by_gie_and_a_flag_with_its_enable_bit(intcon: int, before: int) -> None:
     """What was sampled in an earlier cycle stays so, whatever becomes of the flags (DS30430 figure 8-17)."""
-    s = resting(INTCON=intcon, REQUESTED=before)
-    chip.request(s, 100)
+    s = resting(INTCON=intcon, SAMPLED=before)
+    functions.tick(s)
     asked = any(intcon & bits == bits for bits in (0xA4, 0x92, 0x89))
-    assert s[layout.REQUESTED] == (requested if asked else otherwise)
+    assert s[layout.SAMPLED] == (before + 1 if before else int(asked))
 
 
-def test_an_interrupt_is_entered_three_cycles_after_it_was_sampled() -> None:
-    for irq, entered in ((AT - 1, True), (AT - 2, True), (AT, False)):
-        s = resting(INTCON=GIE | T0IE | T0IF, REQUESTED=irq, PC=0x123, DEPTH=2)
-        why = chip.events(s, NO_EDGES, NOTHING)
-        if entered:
-            assert why == layout.INTERRUPTED
-            assert s[[layout.PC, layout.DEPTH, layout.STACK + 2, layout.STACK + 1]].tolist() == [
-                4,
-                3,
-                0x123,
-                0,
-            ]
-            assert s[[layout.CYCLE, layout.REQUESTED, layout.INTCON]].tolist() == [
-                irq + 3,
-                NEVER,
-                T0IE | T0IF,
-            ]
-        else:
-            assert why == layout.GOES_ON
-            assert s[[layout.PC, layout.DEPTH, layout.CYCLE, layout.REQUESTED]].tolist() == [0x123, 2, AT, AT]
-            assert s[layout.NEXT_EVENT] == AT + 1
+@pytest.mark.parametrize(("sampled", "later"), [(0, None), (1, None), (2, 2), (3, 1)])
+def test_an_interrupt_is_entered_three_cycles_after_it_was_sampled(sampled: int, later: int | None) -> None:
+    s = resting(INTCON=GIE | T0IE | T0IF, SAMPLED=sampled, PC=0x123, DEPTH=2)
+    why = functions.events(s, NO_EDGES, NOTHING)
+    state = s[[layout.PC, layout.DEPTH, layout.STACK + 2, layout.CYCLE, layout.SAMPLED]].tolist()
+    if later:
+        assert (why, state) == (layout.INTERRUPTED, [4, 3, 0x123, AT + later, 0])
+        assert s[layout.INTCON] == T0IE | T0IF
+    else:
+        assert (why, state) == (layout.GOES_ON, [0x123, 2, 0, AT, sampled])
 
 
 @pytest.mark.parametrize(("depth", "why"), [(7, layout.INTERRUPTED), (8, layout.OVERFLOW)])
 def test_an_interrupt_needs_a_free_level_of_the_stack(depth: int, why: int) -> None:
-    s = resting(INTCON=GIE | T0IE | T0IF, REQUESTED=AT - 1, DEPTH=depth)
-    assert chip.events(s, NO_EDGES, NOTHING) == why
+    s = resting(INTCON=GIE | T0IE | T0IF, SAMPLED=2, DEPTH=depth)
+    assert functions.events(s, NO_EDGES, NOTHING) == why
 
 
 @pytest.mark.parametrize(
@@ -262,73 +235,58 @@ def test_a_flag_that_may_be_set_in_an_instruction_may_interrupt_after_it(
     intcon: int, timer: int, eecon1: int, doubted: int
 ) -> None:
     """After the instruction, and once only, and also if the instruction clears GIE (DS30430 figure 8-17)."""
-    s = resting(INTCON=intcon | 0x0300, TMR0=timer, EECON1=eecon1)
-    assert chip.events(s, NO_EDGES, NOTHING) == layout.GOES_ON
+    cells = {"INTCON": intcon | 0x0300, "TMR0": timer, "EECON1": eecon1}
+    clears_gie = encode("BCF", f=0x0B, b=7)
+    _, s, _ = run([clears_gie], WRITE_LEFT=9, **cells)
     assert s[layout.DOUBTED] == doubted
-    assert bool(s[layout.NEXT_EVENT] == AT) is (doubted != 0)
-    assert chip.events(s, NO_EDGES, NOTHING) == layout.GOES_ON, "of this boundary it was asked"
-    s[layout.CYCLE] += 1
-    s[layout.INTCON] &= ~GIE
-    assert chip.events(s, NO_EDGES, NOTHING) == (layout.MAY_INTERRUPT if doubted else layout.GOES_ON)
-    s[layout.DECLINED] = s[layout.CYCLE]
-    assert chip.events(s, NO_EDGES, NOTHING) == layout.GOES_ON
-    assert s[layout.DOUBTED] == 0
+    if doubted:
+        assert functions.events(s, NO_EDGES, NOTHING) == layout.MAY_INTERRUPT
+        ways = layout.NOTHING | doubted | doubted << layout.IS_NOP
+        assert s[layout.ASKED_BITS] == ways
+        for way in (1 << bit for bit in range(10) if ways >> bit & 1):
+            its = s.copy()
+            its[layout.WAY] = way
+            why = functions.events(its, NO_EDGES, NOTHING)
+            assert its[layout.DOUBTED] == its[layout.WAY] == 0
+            assert why == (layout.GOES_ON if way == layout.NOTHING else layout.INTERRUPTED)
+            cycles = 0 if way == layout.NOTHING else 1 if way & doubted else 2
+            assert its[layout.CYCLE] == AT + 1 + cycles
+            assert its[layout.PC] == (4 if cycles else 1)
 
 
 # Events in order ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
-    ("slots", "limits", "due"),
-    [
-        ({"OVERFLOW_AT": 500}, {}, 500),
-        ({"TIME_OUT_AT": 501}, {}, 501),
-        ({"DARK_UNTIL": 502}, {}, 503),
-        ({"REQUESTED": 504}, {}, 505),
-        ({"WRITTEN_BY": 507}, {}, 507),
-        ({}, {"limit": 506}, 506),
-        ({"FRAME": 90}, {"period": 400}, 490),
-        ({"OVERFLOW_AT": 500, "TIME_OUT_AT": 499, "DARK_UNTIL": 499}, {"limit": 501}, 499),
-    ],
-)
-def test_the_next_event_is_the_earliest(slots: dict[str, int], limits: dict[str, int], due: int) -> None:
-    s = resting(**slots)
-    assert chip.events(s, NO_EDGES, NOTHING._replace(**limits)) == layout.GOES_ON
-    assert s[layout.NEXT_EVENT] == due
-
-
-@pytest.mark.parametrize(
     ("slots", "limits", "why"),
     [
-        ({"TIME_OUT_AT": AT}, {}, layout.WATCHED),
-        ({"TIME_OUT_AT": AT + 1}, {}, layout.GOES_ON),
-        ({"DARK_UNTIL": AT - 1}, {}, layout.DARK_PIN),
-        ({"DARK_UNTIL": AT}, {}, layout.GOES_ON),
+        ({"AGE": 7000}, {"watchdog": 7000}, layout.WATCHED),
+        ({"AGE": 6999}, {"watchdog": 7000}, layout.GOES_ON),
+        ({"DARK": 12}, {}, layout.DARK_PIN),
+        ({"DARK": 11}, {}, layout.GOES_ON),
         ({}, {"limit": AT}, layout.TOO_LONG),
         ({}, {"limit": AT + 1}, layout.GOES_ON),
-        ({"FRAME": 60}, {"period": 40}, layout.NEW_FRAME),
-        ({"FRAME": 60}, {"period": 41}, layout.GOES_ON),
-        ({"FRAME": layout.BEFORE}, {"period": 1}, layout.GOES_ON),
-        ({"TIME_OUT_AT": AT, "DARK_UNTIL": AT - 1}, {}, layout.WATCHED),
-        ({"REQUESTED": AT - 1, "FRAME": 60}, {"period": 40}, layout.NEW_FRAME),  # then the interrupt
+        ({"STAGE": layout.RUNS, "TIME": 40}, {"period": 40}, layout.NEW_FRAME),
+        ({"STAGE": layout.RUNS, "TIME": 40}, {"period": 41}, layout.GOES_ON),
+        ({"TIME": 40}, {"period": 1}, layout.GOES_ON),
+        ({"AGE": 7000, "DARK": 12}, {"watchdog": 7000}, layout.WATCHED),
+        ({"SAMPLED": 2, "STAGE": layout.RUNS, "TIME": 40}, {"period": 40}, layout.NEW_FRAME),
     ],
 )
 def test_a_run_stops_in_the_cycle_in_which_something_is_due(
     slots: dict[str, int], limits: dict[str, int], why: int
 ) -> None:
-    assert chip.events(resting(**slots), NO_EDGES, NOTHING._replace(**limits)) == why
+    assert functions.events(resting(**slots), NO_EDGES, NOTHING._replace(**limits)) == why
 
 
 @pytest.mark.parametrize(("edge", "cycle", "why"), [(0, 39, layout.MISSING), (0, 40, layout.GOES_ON),
                                                      (1, 20, layout.GOES_ON), (1, 19, layout.MISSING),
                                                      (2, 5, layout.GOES_ON)])  # fmt: skip
 def test_an_edge_is_missing_one_cycle_after_it_was_due(edge: int, cycle: int, why: int) -> None:
-    """The frame began in cycle 60: an edge in its cycle 40 is made by the instruction of cycle 100."""
+    """In cycle 40 of the frame, or 20: an edge there is made by the next instruction."""
     at, _ = edges((cycle if edge == 0 else 0, 1), (max(cycle, 30) if edge == 0 else cycle, 0))
-    s = resting(FRAME=60, EDGE=edge, CYCLE=AT if edge != 1 else 80)
-    assert chip.events(s, at, NOTHING._replace(period=200)) == why
-    if why == layout.GOES_ON:
-        assert s[layout.NEXT_EVENT] == (60 + int(at[edge]) + 1 if edge < 2 else 260)
+    s = resting(STAGE=layout.RUNS, TIME=40 if edge != 1 else 20, EDGE=edge)
+    assert functions.events(s, at, NOTHING._replace(period=200)) == why
 
 
 # What is driven -------------------------------------------------------------------------------------------
@@ -336,7 +294,7 @@ def test_an_edge_is_missing_one_cycle_after_it_was_due(edge: int, cycle: int, wh
 
 def drive(edge_at: chip.Ints, edge_out: chip.Ints, channels: int = 0, **slots: int) -> tuple[int, chip.Ints]:
     s = resting(**slots)
-    return chip.drive(s, edge_at, edge_out, NOTHING._replace(channels=channels), AT), s
+    return functions.drive(s, edge_at, edge_out, NOTHING._replace(channels=channels)), s
 
 
 @pytest.mark.parametrize("pin", range(13))
@@ -346,49 +304,53 @@ def test_the_first_rise_of_any_output_begins_the_frame(pin: int) -> None:
     slots = {"PORTA": level & 0x1F, "PORTB": level >> 5}
     due = edges((7, level), (9, 0))
     why, s = drive(*due, **slots)
-    assert (why, s[layout.FRAME], s[layout.EDGE]) == (layout.GOES_ON, AT - 7, 1)
+    assert (why, s[layout.STAGE], s[layout.TIME], s[layout.EDGE]) == (layout.GOES_ON, layout.RUNS, 7, 1)
     wrong, s = drive(*edges((7, 3 << 11 if pin < 11 else 3), (9, 0)), **slots)
     assert (wrong, s[layout.EDGE]) == (layout.WRONG_EDGE, 0)
     inputs = {"TRISA": level & 0x1F, "TRISB": level >> 5}
     why, s = drive(*due, **slots, **inputs)  # nothing is driven yet
-    assert (why, s[layout.FRAME]) == (layout.GOES_ON, layout.BEFORE)
-    why, s = drive(*due, channels=level, FRAME=93, EDGE=1, **slots, **inputs)
+    assert (why, s[layout.STAGE]) == (layout.GOES_ON, layout.BEFORE)
+    why, s = drive(*due, channels=level, STAGE=layout.RUNS, EDGE=1, **slots, **inputs)
     assert why == layout.DARK_PIN  # a servo's pin must stay an output
-    assert drive(*edges(), channels=level, FRAME=93, **inputs)[0] == layout.DARK_PIN
-    assert drive(*edges(), channels=0x1FFF & ~level, FRAME=93, **inputs)[0] == layout.GOES_ON
+    assert drive(*edges(), channels=level, STAGE=layout.RUNS, **inputs)[0] == layout.DARK_PIN
+    assert drive(*edges(), channels=0x1FFF & ~level, STAGE=layout.RUNS, **inputs)[0] == layout.GOES_ON
 
 
 @pytest.mark.parametrize(
-    ("frame", "edge", "level", "why", "after"),
+    ("time", "edge", "level", "why", "after"),
     [
-        (90, 0, 1, layout.GOES_ON, 1),
-        (89, 0, 1, layout.WRONG_EDGE, 0),  # a cycle late
-        (91, 0, 1, layout.WRONG_EDGE, 0),  # a cycle early
-        (90, 0, 2, layout.WRONG_EDGE, 0),
-        (90, 0, 0, layout.GOES_ON, 0),  # nothing changes
-        (90, 1, 1, layout.GOES_ON, 1),
-        (90, 1, 0, layout.WRONG_EDGE, 1),
-        (70, 1, 0, layout.GOES_ON, 2),
-        (70, 2, 0, layout.GOES_ON, 2),
-        (70, 2, 1, layout.WRONG_EDGE, 2),  # one more than all
+        (10, 0, 1, layout.GOES_ON, 1),
+        (11, 0, 1, layout.WRONG_EDGE, 0),  # a cycle late
+        (9, 0, 1, layout.WRONG_EDGE, 0),  # a cycle early
+        (10, 0, 2, layout.WRONG_EDGE, 0),
+        (10, 0, 0, layout.GOES_ON, 0),  # nothing changes
+        (10, 1, 1, layout.GOES_ON, 1),
+        (10, 1, 0, layout.WRONG_EDGE, 1),
+        (30, 1, 0, layout.GOES_ON, 2),
+        (30, 2, 0, layout.GOES_ON, 2),
+        (30, 2, 1, layout.WRONG_EDGE, 2),  # one more than all
     ],
 )
 def test_an_edge_must_be_the_next_one_and_in_its_cycle(
-    frame: int, edge: int, level: int, why: int, after: int
+    time: int, edge: int, level: int, why: int, after: int
 ) -> None:
-    found, s = drive(*edges((10, 1), (30, 0)), FRAME=frame, EDGE=edge, PORTA=level)
-    assert (found, s[layout.EDGE], s[layout.FRAME]) == (why, after, frame)
+    found, s = drive(*edges((10, 1), (30, 0)), STAGE=layout.RUNS, TIME=time, EDGE=edge, PORTA=level)
+    assert (found, s[layout.EDGE], s[layout.TIME]) == (why, after, time)
 
 
 def test_an_unknown_level_may_be_driven_for_ten_cycles_before_the_first_pulse_only() -> None:
     for slots in ({"PORTA": 0x0200}, {"PORTB": 0x8000}):
         why, s = drive(*edges((0, 1)), **slots)
-        assert (why, s[layout.DARK_UNTIL]) == (layout.GOES_ON, AT + 10)
-        why, s = drive(*edges((0, 1)), DARK_UNTIL=AT + 3, **slots)
-        assert s[layout.DARK_UNTIL] == AT + 3  # since it began
-        assert drive(*edges((0, 1)), FRAME=90, **slots)[0] == layout.DARK_PIN
-        why, s = drive(*edges((0, 1)), TRISA=0x02, TRISB=0x80, DARK_UNTIL=AT + 3, **slots)
-        assert (why, s[layout.DARK_UNTIL]) == (layout.GOES_ON, NEVER)
+        assert (why, s[layout.DARK]) == (layout.GOES_ON, 1)
+        functions.tick(s, 10)
+        assert functions.events(s, NO_EDGES, NOTHING) == layout.GOES_ON
+        functions.tick(s)
+        assert functions.events(s, NO_EDGES, NOTHING) == layout.DARK_PIN
+        why, s = drive(*edges((0, 1)), DARK=3, **slots)
+        assert s[layout.DARK] == 3  # since it began
+        assert drive(*edges((0, 1)), STAGE=layout.RUNS, **slots)[0] == layout.DARK_PIN
+        why, s = drive(*edges((0, 1)), TRISA=0x02, TRISB=0x80, DARK=3, **slots)
+        assert (why, s[layout.DARK]) == (layout.GOES_ON, 0)
 
 
 # Writes ---------------------------------------------------------------------------------------------------
@@ -399,7 +361,7 @@ def test_eecon1_keeps_eeif_wrerr_and_wren_and_starts_no_write_without_the_keys()
     cells = np.arange(66) + 0x40
     for value in range(256):
         s = resting(EEADR=0x3F, EEDATA=0x11, EECON1=0x0800)
-        why = chip.write(s, cells, NOTHING, layout.EECON1, AT, value)
+        why = functions.write(s, cells, NOTHING, layout.EECON1, value)
         assert why == (layout.SEQUENCE if value & 0x02 else layout.GOES_ON)
         if why == layout.GOES_ON:
             assert s[layout.EECON1] == value & 0x1C
@@ -425,31 +387,31 @@ def test_a_write_begins_after_its_keys_in_their_cycles(
     """DS35007 section 3.2: MOVLW between the keys, nothing before WR, WREN already set."""
     cells, around = np.zeros(66, np.int64), NOTHING._replace(longest_write=20_000)
     s = resting(EECON1=layout.WREN if wren else 0)
-    chip.write(s, cells, around, layout.EECON2, AT, first)
-    chip.write(s, cells, around, layout.EECON2, AT + between, second)
-    when = AT + between + before
-    why = chip.write(s, cells, around, layout.EECON1, when, layout.WREN | layout.WR)
+    functions.write(s, cells, around, layout.EECON2, first)
+    functions.tick(s, between)
+    functions.write(s, cells, around, layout.EECON2, second)
+    functions.tick(s, before)
+    why = functions.write(s, cells, around, layout.EECON1, layout.WREN | layout.WR)
     assert (why == layout.GOES_ON) is begins
     assert cells[layout.EEPROM_WRITTEN] == begins
     if begins:
-        assert s[layout.WRITTEN_BY] == when + 1 + 20_000
-        chip.write(s, cells, around, layout.EECON1, when + 1, 0)
+        functions.tick(s)
+        assert s[layout.WRITE_LEFT] == 20_000
+        functions.write(s, cells, around, layout.EECON1, 0)
         assert s[layout.EECON1] == layout.WR, "it cannot be cleared"
-        s[layout.CYCLE] = s[layout.WRITTEN_BY] - 1
-        chip.events(s, NO_EDGES, around)
+        functions.tick(s, 19_999)
         assert s[layout.EECON1] == layout.WR
-        s[layout.CYCLE] += 1
-        chip.events(s, NO_EDGES, around)
-        assert (s[layout.EECON1], s[layout.WRITTEN_BY]) == (layout.EEIF, NEVER)
+        functions.tick(s)
+        assert (s[layout.EECON1], s[layout.WRITE_LEFT]) == (layout.EEIF, 0)
 
 
 @pytest.mark.parametrize(("address", "byte"), [(0, 0x40), (63, 0x7F), (64, UNKNOWN), (0xFF, UNKNOWN),
                                                (0x0100, UNKNOWN), (3 | MOVES, UNKNOWN)])  # fmt: skip
 def test_a_cell_of_the_eeprom_is_read_at_a_known_address_below_64(address: int, byte: int) -> None:
     s = resting(EEADR=address)
-    assert chip.write(s, np.arange(66) + 0x40, NOTHING, layout.EECON1, AT, 1) == layout.GOES_ON
+    assert functions.write(s, np.arange(66) + 0x40, NOTHING, layout.EECON1, 1) == layout.GOES_ON
     assert s[layout.EEDATA] == byte
-    assert chip.write(s, np.arange(66) + 0x40, NOTHING, layout.EECON1, AT, 0x0800) == layout.GOES_ON
+    assert functions.write(s, np.arange(66) + 0x40, NOTHING, layout.EECON1, 0x0800) == layout.GOES_ON
     assert s[layout.EECON1] == 0x0800
 
 
@@ -457,12 +419,13 @@ def test_intcon_is_written_with_its_flags_and_may_request_an_interrupt_from_the_
     none = np.zeros(66, np.int64)
     for value in range(256):
         s = resting()
-        assert chip.write(s, none, NOTHING, layout.INTCON, AT, value) == layout.GOES_ON
+        assert functions.write(s, none, NOTHING, layout.INTCON, value) == layout.GOES_ON
         assert s[layout.INTCON] == value | (3 & ~value) << 8  # the pins may set INTF and RBIF again at once
         asked = any(value & bits == bits for bits in (0xA4, 0x92, 0x89))
-        assert s[layout.REQUESTED] == (AT + 1 if asked else NEVER)
+        functions.tick(s)
+        assert s[layout.SAMPLED] == int(asked)
     s = resting()
-    assert chip.write(s, none, NOTHING, layout.INTCON, AT, 0xA0 | 0x0700) == layout.GOES_ON
+    assert functions.write(s, none, NOTHING, layout.INTCON, 0xA0 | 0x0700) == layout.GOES_ON
     assert s[layout.INTCON] == 0xA0 | 0x0700
 
 
@@ -471,24 +434,24 @@ def test_other_registers_take_the_cell_and_what_does_not_exist_takes_nothing() -
     for slot in (layout.FSR, layout.EEDATA, layout.EEADR):
         for cell in (0xA5, 0x0F | 0xA000, 0x12 | MOVES):
             s = resting()
-            assert chip.write(s, none, NOTHING, slot, AT, cell) == layout.GOES_ON
+            assert functions.write(s, none, NOTHING, slot, cell) == layout.GOES_ON
             assert s[slot] == cell
     s = resting()
-    assert chip.write(s, none, NOTHING, layout.NOWHERE, AT, 0xA5) == layout.GOES_ON
+    assert functions.write(s, none, NOTHING, layout.NOWHERE, 0xA5) == layout.GOES_ON
     assert np.array_equal(s, resting())
-    assert chip.write(s, none, NOTHING, layout.PCLATH, AT, 0xFF) == layout.GOES_ON
+    assert functions.write(s, none, NOTHING, layout.PCLATH, 0xFF) == layout.GOES_ON
     assert s[layout.PCLATH] == 0x1F
-    assert chip.write(s, none, NOTHING, layout.PCLATH, AT, 7 | MOVES) == layout.GOES_ON
+    assert functions.write(s, none, NOTHING, layout.PCLATH, 7 | MOVES) == layout.GOES_ON
     assert s[layout.PCLATH] == 0x1F00
 
 
 def test_what_is_asked_is_the_lowest_unknown_bit() -> None:
     for bits in range(1, 256):
         s = resting()
-        assert chip.ask(s, 0x20, bits) == layout.FORK
+        assert functions.ask(s, 0x20, bits) == layout.FORK
         lowest = next(1 << bit for bit in range(8) if bits >> bit & 1)
-        assert s[[layout.ASKED, layout.ASKED_BIT]].tolist() == [0x20, lowest]
-    assert chip.ask(resting(), 0x20, 0x100) == layout.PHASE  # a byte that moves has no bits to ask for
+        assert s[[layout.ASKED, layout.ASKED_BITS]].tolist() == [0x20, lowest]
+    assert functions.ask(resting(), 0x20, 0x100) == layout.PHASE  # a byte that moves has no bits to ask for
 
 
 # Instructions ---------------------------------------------------------------------------------------------
@@ -508,7 +471,7 @@ def test_a_jump_by_an_unknown_carry_is_followed_both_ways() -> None:
     for name, ways in (("RLF", (0x22, 0x23)), ("RRF", (0x08, 0x88))):
         word = [encode(name, f=2, d=1)]
         why, s, _ = run(word, at=0x10, STATUS=0x100)
-        assert (why, s[layout.ASKED], s[layout.ASKED_BIT]) == (layout.FORK, layout.STATUS, 1)
+        assert (why, s[layout.ASKED], s[layout.ASKED_BITS]) == (layout.FORK, layout.STATUS, 1)
         for carry, target in enumerate(ways):
             assert run(word, at=0x10, STATUS=carry)[1][layout.PC] == target
 
@@ -552,7 +515,7 @@ def test_a_bit_that_decides_the_way_is_asked_for(
     if slot is None:
         assert why == layout.TOO_LONG
     else:
-        assert (why, s[layout.ASKED], s[layout.ASKED_BIT], s[layout.PC], s[layout.CYCLE]) == (
+        assert (why, s[layout.ASKED], s[layout.ASKED_BITS], s[layout.PC], s[layout.CYCLE]) == (
             layout.FORK, slot, bit, 0, AT)  # fmt: skip
 
 
@@ -571,7 +534,7 @@ def test_an_input_of_the_schedule_is_asked_for_as_a_button(pin: int) -> None:
     for word in (encode("BTFSC", f=f, b=bit), encode("MOVF", f=f, d=0)):
         why, s, _ = run([word], board, **inputs)
         slot = layout.PORTA if f == 5 else layout.PORTB
-        assert (why, s[layout.ASKED], s[layout.ASKED_BIT]) == (layout.BUTTON, slot, 1 << bit)
+        assert (why, s[layout.ASKED], s[layout.ASKED_BITS]) == (layout.BUTTON, slot, 1 << bit)
         answered = {"CHOSEN": UNKNOWN & ~(1 << bit << 8) | 1 << bit}
         why, s, _ = run([word], board, **inputs, **answered)
         assert why == layout.TOO_LONG
@@ -583,7 +546,7 @@ def test_an_input_of_the_schedule_is_asked_for_as_a_button(pin: int) -> None:
         assert s[layout.CHOSEN] == UNKNOWN  # for this instruction only
     # A test of another bit, and a read that writes the port back, ask for nothing.
     other = encode("BTFSC", f=f, b=bit ^ 1)
-    assert run([other], board, **inputs)[1][layout.ASKED_BIT] == (
+    assert run([other], board, **inputs)[1][layout.ASKED_BITS] == (
         1 << (bit ^ 1) if bit ^ 1 < 5 or f == 6 else 0
     )
     assert run([other], board, **inputs)[0] != layout.BUTTON
@@ -617,9 +580,8 @@ def test_calls_and_returns_use_eight_levels() -> None:
 
 
 def test_clrwdt_restarts_the_watchdog_and_makes_to_and_pd_known() -> None:
-    why, s, _ = run([encode("CLRWDT")], WATCHED._replace(limit=AT + 1), STATUS=0x1F00, OPTION=0x0A)
-    assert (why, s[layout.STATUS], s[layout.CLEARED]) == (layout.TOO_LONG, 0x18 | 0x0700, AT + 1)
-    assert s[layout.TIME_OUT_AT] == AT + 1 + 4 * 7000
+    why, s, _ = run([encode("CLRWDT")], WATCHED._replace(limit=AT + 1), STATUS=0x1F00, OPTION=0x0A, AGE=50)
+    assert (why, s[layout.STATUS], s[layout.AGE]) == (layout.TOO_LONG, 0x18 | 0x0700, 0)
 
 
 def test_status_as_a_destination_keeps_to_and_pd_and_flags_of_the_instruction() -> None:
@@ -655,13 +617,15 @@ def test_a_cut_is_passed_by_where_a_certificate_could_not_describe_the_state() -
     held = lockstep.memory(Image(words))._replace(code=code)
 
     def why(**slots: int) -> int:
-        s = resting(**({"FRAME": 90} | slots))
+        s = resting(**({"STAGE": layout.RUNS} | slots))
         board = NOTHING._replace(limit=int(s[layout.CYCLE]) + 1)
         return int(chip.run(s, np.zeros(layout.SLOTS, dtype=np.int64), *edges(), held, board))
 
-    assert why() == why(CYCLE=1, FRAME=0) == why(TMR0_FROM=AT) == why(FRAME=NEVER) == layout.CUT
-    passed = (why(CYCLE=0, FRAME=0), why(FRAME=layout.BEFORE), why(TMR0_FROM=AT + 1), why(REQUESTED=AT))
-    assert passed == (layout.TOO_LONG,) * 4
+    assert why() == why(CYCLE=1) == why(STAGE=layout.OVER) == why(INTCON=GIE | T0IE) == layout.CUT
+    states = ({"CYCLE": 0}, {"STAGE": layout.BEFORE}, {"STILL": 1}, {"SAMPLED": 1}, {"KEY_1": 2},
+              {"KEY_2": 1}, {"RESCALED": 1})  # fmt: skip
+    assert {why(**state) for state in states} == {layout.TOO_LONG}
+    assert why(INTCON=GIE | INTE | 0x0200) == layout.MAY_INTERRUPT  # after the instruction at the cut
 
 
 def test_the_last_edge_of_a_frame_stops_a_run_that_has_made_it() -> None:
@@ -669,7 +633,7 @@ def test_the_last_edge_of_a_frame_stops_a_run_that_has_made_it() -> None:
     held = lockstep.memory(Image(dict(enumerate(words))))
     due = edges((10, 1 << 5))
     for edge, port, expected in ((0, 0, layout.LAST_EDGE), (1, 1, layout.TOO_LONG)):
-        s = resting(FRAME=90, EDGE=edge, PORTB=port)
+        s = resting(STAGE=layout.RUNS, TIME=10, EDGE=edge, PORTB=port)
         found = chip.run(
             s, np.zeros(layout.SLOTS, dtype=np.int64), *due, held, NOTHING._replace(limit=AT + 2)
         )

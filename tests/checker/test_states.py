@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import itertools
 import random
 from typing import Any
 
@@ -23,11 +22,11 @@ from servogen.checker.certificate import (
     fingerprint,
 )
 from servogen.checker.check import COLUMNS, DUE, ORIGIN, Checker, Refused, check_certificate
-from servogen.checker.layout import NEVER, UNKNOWN
+from servogen.checker.layout import UNKNOWN
 from servogen.checker.plan import PINS, Place, read_plan
 from servogen.errors import InputError
 from servogen.pic.image import Image
-from tests.checker import certify, lockstep
+from tests.checker import certify, functions, lockstep
 
 MOVES = 1 << 16
 FRAME = 6
@@ -63,9 +62,7 @@ def test_a_number_is_within_its_range(claim: dict[str, Any], name: str) -> None:
     for value in (least, LARGEST[name]):
         states = certify.reread(one_state(claim, eecon1=layout.WR, **{name: value})).states
         slot = NUMBERS[name][0]
-        assert states[0, slot] == (
-            -value if slot in (layout.TMR0_ZERO, layout.CLEARED, layout.FRAME) else value
-        )
+        assert states[0, slot] == value
     for value in (least - 1, LARGEST[name] + 1):
         with pytest.raises(InputError, match=f"column {name}"):
             certify.reread(one_state(claim, **{name: value}))
@@ -149,7 +146,6 @@ def test_a_column_is_one_value_or_the_differences(claim: dict[str, Any]) -> None
     two["columns"] |= {"pc": {"delta": [5, 7]}, "w": {"delta": [9, -4]}, "option": {"all": 3}}
     states = certify.reread(two).states
     assert states[:, [layout.PC, layout.W, layout.OPTION]].tolist() == [[5, 9, 3], [12, 5, 3]]
-    assert states[:, [layout.REQUESTED, layout.DARK_UNTIL]].tolist() == [[NEVER, NEVER]] * 2
     for column in ({"delta": [5]}, {"delta": [5, 1, 1]}, {"delta": []}):
         with pytest.raises(InputError, match=r"column pc has \d values of 2"):
             certify.reread(two | {"columns": two["columns"] | {"pc": column}})
@@ -184,17 +180,14 @@ def checker(schedule: bytes = SCHEDULE, image: Image = PLAIN, held: dict[str, in
 def started(of: Checker, listed: chip.Ints) -> chip.Ints:
     """Return the chip that runs on from a listed state, in frame 0, in which nothing was read yet."""
     listed[[FRAME_NUMBER, PLACE]] = 0, of._number(Place((1, 1, 0, 0)))
+    listed[layout.STAGE] = layout.RUNS
     return of._started(listed[None])[0]
 
 
 def row(**slots: int) -> chip.Ints:
-    """Return a state in cycle 1000, with everything known to be 0 and no time-out due."""
+    """Return a state in cycle 1000, with everything known to be 0."""
     s = np.zeros(COLUMNS, dtype=np.int64)
     s[layout.CYCLE], s[layout.OPTION] = 1000, layout.PSA
-    s[[layout.OVERFLOW_AT, layout.REQUESTED, layout.TIME_OUT_AT, layout.WRITTEN_BY, layout.DARK_UNTIL]] = (
-        NEVER
-    )
-    s[[layout.DECLINED, layout.UNFINISHED]] = -1
     for name, value in slots.items():
         s[getattr(layout, name)] = value
     return s
@@ -210,65 +203,46 @@ def test_power_up_is_that_of_the_lockstep() -> None:
     assert of._places[found[PLACE]] == Place((1, 1, 0, 0))
 
 
-@pytest.mark.parametrize(("config", "due"), [(0x3FF5, 7000), (0x3FF1, NEVER), (None, 7000)])
-def test_the_watchdog_is_on_by_its_bit_and_on_an_erased_chip(config: int | None, due: int) -> None:
-    """7 ms at 4 MHz, times 128: OPTION_REG is FFh after a reset (DS35007 sections 6.1, 6.10)."""
-    image = Image(PLAIN.program, config)
-    power_up = checker(image=image)._power_up()[0]
-    assert power_up[layout.TIME_OUT_AT] == (due if due == NEVER else 128 * due)
+@pytest.mark.parametrize(("config", "due"), [(0x3FF5, 7000), (0x3FF1, None), (None, 7000)])
+def test_the_watchdog_is_on_by_its_bit_and_on_an_erased_chip(config: int | None, due: int | None) -> None:
+    """7 ms at 4 MHz: DS35007 section 6.1, parameter 31."""
+    assert checker(image=Image(PLAIN.program, config))._board.watchdog == (due or 0)
 
 
 @pytest.mark.parametrize("clock_hz", [3_999_999, 4_000_000, 20_000_000])
 def test_the_watchdogs_period_is_a_whole_number_of_cycles_rounded_down(clock_hz: int) -> None:
     schedule = SCHEDULE.replace(b"4000000", str(clock_hz).encode())
-    power_up = checker(schedule, certify.plain_program("0x3ff5"))._power_up()[0]
-    assert power_up[layout.TIME_OUT_AT] == 128 * (7 * clock_hz // 4000)
+    assert checker(schedule, certify.plain_program("0x3ff5"))._board.watchdog == 7 * clock_hz // 4000
 
 
 @pytest.mark.parametrize("option", [*range(8), layout.PSA, layout.PSA | 7])
-def test_tmr0s_time_is_its_count_and_the_cycles_since_it_counted(option: int) -> None:
-    """Listed and started again, a state reads the same from TMR0, and T0IF is due in the same cycle."""
+def test_tmr0_goes_on_from_its_listed_count_and_the_cycles_since_it_counted(option: int) -> None:
+    """It is read as so many counts more, and T0IF is set one cycle before it is read as 0."""
     ratio = 1 if option & 8 else 2 << option
-    for zero, now in ((1000, 1000), (1000, 1001), (1000 - 255 * ratio, 1000), (1000 - 256 * ratio + 1, 1000),
-                      (1000 - 600 * ratio - ratio // 2, 1000)):  # fmt: skip
-        state = row(OPTION=option, TMR0_ZERO=zero, CYCLE=now, CLEARED=990, FRAME=800, TMR0_FROM=980)
-        (listed,) = check._settled(state[None])
-        assert listed[layout.TMR0] == (now - zero) // ratio % 256
-        assert listed[layout.TMR0_ZERO] == -((now - zero) % ratio)
-        assert listed[[layout.CYCLE, layout.TMR0_FROM]].tolist() == [0, 0]
-        assert listed[[layout.CLEARED, layout.FRAME]].tolist() == [990 - now, 800 - now]
-        again = started(checker(), listed)
-        for later in (0, 1, ratio - 1, ratio, 300 * ratio + 1):
-            assert chip.timer(again, later) == chip.timer(state, now + later)
-        due = next(t for t in itertools.count(1) if (now + t + 1 - zero) % (256 * ratio) == 0)
-        assert again[layout.OVERFLOW_AT] == due
-        assert again[layout.TMR0] == 0
-        assert (again[layout.CHOSEN], again[layout.TIME_OUT_AT]) == (UNKNOWN, NEVER)
+    for count, prescaler in ((0, 0), (0, ratio - 1), (255, 0), (254, ratio // 2)):
+        again = started(checker(), row(OPTION=option, TMR0=count, PRESCALER=prescaler))
+        for later in range(1, 3 * ratio):
+            functions.tick(again)
+            assert again[layout.TMR0] == (count + (prescaler + later) // ratio) % 256
+            overflows = (256 - count) * ratio - prescaler - 1
+            assert bool(again[layout.INTCON] & layout.T0IF) == (1 <= overflows <= later)
 
 
-def test_times_that_never_come_stay_so_and_an_unknown_count_is_not_noted() -> None:
-    for cell in (UNKNOWN, 7 | MOVES):
-        state = row(TMR0=cell & ~0xFF, TIME_OUT_AT=NEVER, FRAME=layout.BEFORE, TMR0_ZERO=993)
-        (listed,) = check._settled(state[None])
-        assert listed[layout.TMR0] == cell
-        assert listed[[layout.TIME_OUT_AT, layout.FRAME]].tolist() == [NEVER, layout.BEFORE]
-        assert check._settled(row(FRAME=NEVER)[None])[0, layout.FRAME] == NEVER
-        again = started(checker(), listed)
-        assert again[layout.OVERFLOW_AT] == NEVER
-        assert chip.timer(again, 0) == cell
-    (counted,) = check._settled(row(OPTION=layout.T0CS | layout.PSA)[None])
-    again = started(checker(), counted)
+def test_an_unknown_count_stays_so_and_one_that_moves_counts() -> None:
+    for cell, later in ((UNKNOWN, UNKNOWN), (255 | MOVES, 9 | MOVES)):
+        again = started(checker(), row(TMR0=cell))
+        functions.tick(again, 10)
+        assert again[layout.TMR0] == later
+        assert again[layout.INTCON] == 0
+    again = started(checker(), row(OPTION=layout.T0CS | layout.PSA))
     assert again[layout.TMR0] == UNKNOWN  # edges of RA4, at any time
 
 
-def test_a_started_state_has_the_next_edge_of_its_frame_and_its_watchdog() -> None:
+def test_a_started_state_has_the_next_edge_of_its_frame() -> None:
     """The pulse of the schedule is from cycle 0 to 300."""
-    watched = checker(image=certify.plain_program("0x3ff5"))
-    for age, edge in ((0, 0), (1, 1), (299, 1), (300, 1), (301, 2), (1999, 2)):
-        (listed,) = check._settled(row(FRAME=1000 - age, CLEARED=970, OPTION=0x0A)[None])
-        again = started(watched, listed)
+    for time, edge in ((0, 0), (1, 1), (299, 1), (300, 1), (301, 2), (1999, 2)):
+        again = started(checker(), row(TIME=time))
         assert (again[layout.EDGE], again[DUE]) == (edge, 0)
-        assert again[layout.TIME_OUT_AT] == -30 + 4 * 7000
 
 
 def contains(listed: chip.Ints, state: chip.Ints) -> bool:
@@ -368,16 +342,16 @@ def test_a_cell_contains_a_cell_with_fewer_choices(listed: int, state: int, with
 def test_bytes_that_move_together_keep_their_difference_from_tmr0(
     byte: int, timer: int, within: bool
 ) -> None:
-    listed = row(TMR0=7 | MOVES, TMR0_ZERO=-3)
+    listed = row(TMR0=7 | MOVES, PRESCALER=3)
     listed[0x20] = 5 | MOVES
-    state = row(TMR0=timer, TMR0_ZERO=-3)
+    state = row(TMR0=timer, PRESCALER=3)
     state[0x20] = byte
     assert contains(listed, state) is within
-    state[layout.TMR0_ZERO] = -2  # the prescaler's count
+    state[layout.PRESCALER] = 2  # the prescaler's count
     assert not contains(listed, state)
 
 
-@pytest.mark.parametrize("name", ["PC", "DEPTH", "OPTION", "TRISA", "TRISB", "FRAME", "STACK"])
+@pytest.mark.parametrize("name", ["PC", "DEPTH", "OPTION", "TRISA", "TRISB", "STAGE", "TIME", "STACK"])
 def test_everything_beside_bytes_must_be_equal(name: str) -> None:
     assert contains(row(), row())
     other = row()
@@ -387,40 +361,32 @@ def test_everything_beside_bytes_must_be_equal(name: str) -> None:
         other = row()
         other[column] = 1
         assert not contains(row(), other)
-    for slot in (
-        layout.CLEARED,
-        layout.TIME_OUT_AT,
-        layout.EDGE,
-        layout.CHOSEN,
-    ):  # compared otherwise, or not at all
+    for slot in (layout.AGE, layout.WRITE_LEFT, layout.EDGE, layout.CHOSEN):  # otherwise, or not at all
         other = row()
         other[slot] = 1
         assert contains(row(), other)
 
 
 def test_the_prescalers_count_says_nothing_where_tmr0_is_unknown() -> None:
-    assert contains(row(TMR0=UNKNOWN, TMR0_ZERO=-1), row(TMR0=UNKNOWN, TMR0_ZERO=-2))
-    assert not contains(row(TMR0_ZERO=-1), row(TMR0_ZERO=-2))
+    assert contains(row(TMR0=UNKNOWN, PRESCALER=1), row(TMR0=UNKNOWN, PRESCALER=2))
+    assert not contains(row(PRESCALER=1), row(PRESCALER=2))
 
 
-@pytest.mark.parametrize(
-    ("cleared", "within"), [(-50, True), (-49, True), (0, True), (-51, False), (-5000, False)]
-)
-def test_a_watchdog_that_was_cleared_later_is_contained(cleared: int, within: bool) -> None:
-    watched = checker(image=certify.plain_program("0x3ff5"))
-    states = np.array([row(CLEARED=950, CYCLE=1000)])
-    settled = check._settled(states)
-    listed = Certificate("", "", 0, {}, frozenset(), [Place((1, 1, 0, 0))], settled[:, :WIDTH])
-    watched._states = watched._started(watched._known(listed))
-    state = states[0].copy()
-    state[PLACE] = watched._number(Place((1, 1, 0, 0)))
-    state[layout.CLEARED] = 1000 + cleared
-    chip.plan_time_out(state, watched._board, 0, 0)
-    if within:
-        watched._compare(state[None])
-    else:
-        with pytest.raises(Refused, match="the state is within no listed one"):
-            watched._compare(state[None])
+@pytest.mark.parametrize(("slot", "on"), [("AGE", True), ("AGE", False), ("WRITE_LEFT", True)])
+def test_a_watchdog_that_was_cleared_later_or_a_write_that_ends_earlier_is_contained(
+    slot: str, on: bool
+) -> None:
+    of = checker(image=certify.plain_program("0x3ff5" if on else "0x3ff1"))
+    listed = Certificate("", "", 0, {}, frozenset(), [Place((1, 1, 0, 0))], row(**{slot: 50})[None, :WIDTH])
+    of._states = of._started(of._known(listed))
+    for value in (50, 49, 0, 51, 5000):
+        state = row(**{slot: value}, STAGE=layout.RUNS)
+        state[PLACE] = of._number(Place((1, 1, 0, 0)))
+        if value <= 50 or not on:
+            of._compare(state[None])
+        else:
+            with pytest.raises(Refused, match="the state is within no listed one"):
+                of._compare(state[None])
 
 
 # What is said ---------------------------------------------------------------------------------------------
@@ -430,11 +396,11 @@ def test_a_watchdog_that_was_cleared_later_is_contained(cleared: int, within: bo
     ("changes", "text"),
     [
         ({}, "1000 cycles after state 0, at address 0x000, frame 0, cycle 1000, high pins: none: why"),
-        ({"PC": 0x2AB, "FRAME": 400},
+        ({"PC": 0x2AB, "TIME": 600},
          "1000 cycles after state 0, at address 0x2AB, frame 0, cycle 600, high pins: none: why"),
-        ({"FRAME": layout.BEFORE},
+        ({"STAGE": layout.BEFORE},
          "1000 cycles after state 0, at address 0x000, before the first pulse, high pins: none: why"),
-        ({"FRAME": NEVER},
+        ({"STAGE": layout.OVER},
          "1000 cycles after state 0, at address 0x000, after the last pulse, high pins: none: why"),
         ({"PORTA": 0x11, "PORTB": 0x82},
          "1000 cycles after state 0, at address 0x000, frame 0, cycle 1000, high pins: RA0 RA4 RB1 RB7: why"),
@@ -445,11 +411,12 @@ def test_a_watchdog_that_was_cleared_later_is_contained(cleared: int, within: bo
     ],
 )  # fmt: skip
 def test_a_refusal_says_where_it_was_and_which_pins_were_high(changes: dict[str, int], text: str) -> None:
-    assert check._place_of(row(**changes)) + ": why" == text
+    state = row(**({"STAGE": layout.RUNS, "TIME": 1000} | changes))
+    assert check._place_of(state) + ": why" == text
 
 
 def test_a_refusal_names_the_listed_state_and_the_frame() -> None:
-    state = row()
+    state = row(STAGE=layout.RUNS, TIME=1000)
     state[[ORIGIN, FRAME_NUMBER]] = 17, 23
     assert "cycles after state 17, at address 0x000, frame 23, cycle 1000" in check._place_of(state)
     state[ORIGIN] = -1

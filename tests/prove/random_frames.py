@@ -71,7 +71,7 @@ def places(claim: Certificate) -> dict[tuple[int, ...], Ints]:
     for number, state in enumerate(claim.states.tolist()):
         if state[FRAME_NUMBER] >= 0:
             place = claim.places[state[PLACE]]
-            key = state[layout.PC], -state[layout.FRAME], state[FRAME_NUMBER], *place.memory
+            key = state[layout.PC], state[layout.TIME], state[FRAME_NUMBER], *place.memory
             found.setdefault((*key, place.levels, place.sampled), []).append(number)
     return {place: np.array(numbers) for place, numbers in found.items()}
 
