@@ -25,23 +25,15 @@ FRAME_NUMBER, PLACE, WIDTH = range(layout.SLOTS, layout.SLOTS + 3)
 """Columns beside the chip's slots: the schedule's frame, -1 when nothing more is due, and the number of the
 place in the list.
 """
-COLUMNS = {
-    "w": layout.W, "status": layout.STATUS, "fsr": layout.FSR, "porta": layout.PORTA, "portb": layout.PORTB,
-    "eedata": layout.EEDATA, "eeadr": layout.EEADR, "pclath": layout.PCLATH, "intcon": layout.INTCON,
-    "eecon1": layout.EECON1, "tmr0": layout.TMR0, "option": layout.OPTION, "trisa": layout.TRISA,
-    "trisb": layout.TRISB,
-}  # fmt: skip
-"""The slots of registers."""
-UNKNOWN = {row.slot: row.unknown for row in layout.REGISTERS}
 WRITE_LEFT = "write_left"
 """The column that may be missing: no state has an EEPROM write in progress."""
 RAM = {f"ram.{address:02x}": address for address in range(layout.RAM, layout.RAM_END)}
-FREE = RAM.keys() | {"w", "fsr", "eedata", "eeadr", "tmr0"}
+FREE = {*RAM, *(row.name for row in layout.REGISTERS if row.may_move)}
 """Columns of cells that may move with φ."""
-CELLS = {name: (slot, UNKNOWN[slot]) for name, slot in COLUMNS.items() if UNKNOWN[slot]}
+CELLS = {row.name: (row.slot, row.unknown) for row in layout.REGISTERS if row.unknown}
 CELLS |= {name: (slot, 0xFF) for name, slot in RAM.items()}
 """Columns of cells, with the bits that may be unknown."""
-NUMBERS = {"option": (layout.OPTION, 0xFF), "trisa": (layout.TRISA, 0x1F), "trisb": (layout.TRISB, 0xFF),
+NUMBERS = {**{row.name: (row.slot, row.reset) for row in layout.REGISTERS if not row.unknown},
            "pc": (layout.PC, 0x3FF), "depth": (layout.DEPTH, 8), "prescaler": (layout.PRESCALER, 0xFF),
            WRITE_LEFT: (layout.WRITE_LEFT, 1 << 30),
            "watchdog_age": (layout.AGE, 1 << 40), "time": (layout.TIME, 1 << 30),

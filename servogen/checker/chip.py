@@ -43,10 +43,11 @@ def program_code(image: Image, cuts: frozenset[int]) -> Ints:
         row = decoded.instruction
         name = layout.SAME_AS.get(row.mnemonic, row.mnemonic)
         name = name if name in layout.OPERATIONS else name[:3] if name[:3] in layout.OPERATIONS else "CLR"
-        carry, from_w = "C" in row.reads, "W" in row.reads
         slot = {"RETFIE": layout.INTCON, "OPTION": layout.OPTION, "TRIS": decoded.f + layout.BANK_1}.get(
             row.mnemonic, layout.NOWHERE
         )
+        x = layout.GIE if slot == layout.INTCON else 1 << decoded.b
+        x = layout.X_IS_CARRY if "C" in row.reads else layout.X_IS_W if "W" in row.reads else x
         code[address] = (
             layout.FLOWS.index(row.mnemonic if row.mnemonic in layout.FLOWS else row.flow),
             layout.OPERATIONS.index(name),
@@ -54,16 +55,8 @@ def program_code(image: Image, cuts: frozenset[int]) -> Ints:
             slot,
             "f" in row.reads or row.mnemonic == "RETFIE",
             decoded.k,
-            layout.X_IS_CARRY
-            if carry
-            else layout.X_IS_W
-            if from_w
-            else layout.GIE
-            if slot == layout.INTCON
-            else 1 << decoded.b,
-            sum(
-                bit for flag, bit in (("C", layout.C), ("D", layout.DC), ("Z", layout.Z)) if flag in row.flags
-            ),
+            x,
+            sum(layout.STATUS_BITS.get(flag, 0) for flag in row.flags),
             row.writes_w(decoded.d),
             row.writes_file(decoded.d) or slot,
             address in cuts,

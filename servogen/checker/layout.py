@@ -54,29 +54,33 @@ RD, WR, WREN, WRERR, EEIF = 1, 2, 4, 8, 0x10
 class RegisterSlot(NamedTuple):
     """A slot that programs can access."""
 
+    name: str
+    """As certificates call it."""
     slot: int
     reset: int
     """After any reset: table 6-4, where x and u are unknown."""
     unknown: int = 0
     """The bits that may be unknown."""
     both_banks: bool = False
+    may_move: bool = False
+    """Whether it may be a byte that moves with TMR0's phase."""
 
 
 REGISTERS = (
-    RegisterSlot(W, UNKNOWN, 0xFF),
-    RegisterSlot(STATUS, 0x1F00, 0xFF, both_banks=True),  # TO and PD differ between resets
-    RegisterSlot(FSR, UNKNOWN, 0xFF, both_banks=True),
-    RegisterSlot(PORTA, 0x1F00, 0x1F),
-    RegisterSlot(PORTB, UNKNOWN, 0xFF),
-    RegisterSlot(EEDATA, UNKNOWN, 0xFF),
-    RegisterSlot(EEADR, UNKNOWN, 0xFF),
-    RegisterSlot(PCLATH, 0, 0x1F, both_banks=True),
-    RegisterSlot(INTCON, 0x0300, 0x07, both_banks=True),  # the pins may set INTF and RBIF at once
-    RegisterSlot(EECON1, 0x0800, 0x08),
-    RegisterSlot(TMR0, UNKNOWN, 0xFF),
-    RegisterSlot(OPTION, 0xFF),
-    RegisterSlot(TRISA, 0x1F),
-    RegisterSlot(TRISB, 0xFF),
+    RegisterSlot("w", W, UNKNOWN, 0xFF, may_move=True),
+    RegisterSlot("status", STATUS, 0x1F00, 0xFF, both_banks=True),  # TO and PD differ between resets
+    RegisterSlot("fsr", FSR, UNKNOWN, 0xFF, both_banks=True, may_move=True),
+    RegisterSlot("porta", PORTA, 0x1F00, 0x1F),
+    RegisterSlot("portb", PORTB, UNKNOWN, 0xFF),
+    RegisterSlot("eedata", EEDATA, UNKNOWN, 0xFF, may_move=True),
+    RegisterSlot("eeadr", EEADR, UNKNOWN, 0xFF, may_move=True),
+    RegisterSlot("pclath", PCLATH, 0, 0x1F, both_banks=True),
+    RegisterSlot("intcon", INTCON, 0x0300, 0x07, both_banks=True),  # the pins may set INTF and RBIF at once
+    RegisterSlot("eecon1", EECON1, 0x0800, 0x08),
+    RegisterSlot("tmr0", TMR0, UNKNOWN, 0xFF, may_move=True),
+    RegisterSlot("option", OPTION, 0xFF),
+    RegisterSlot("trisa", TRISA, 0x1F),
+    RegisterSlot("trisb", TRISB, 0xFF),
 )
 """Those with unknown bits first, of these TMR0 last."""
 READ, CHANGED = 1, 2
@@ -106,6 +110,7 @@ GLITCH = 10
 """Cycles for which a pin may be driven with an unknown level before the first pulse."""
 FLOWS = ["undefined", "next", "skip", "jump", "call", "return", "CLRWDT", "SLEEP"]
 NO_FLOW, NEXT, SKIP, JUMP, CALL, RETURN, CLRWDT, SLEEP = range(8)
+STATUS_BITS = {"C": C, "D": DC, "Z": Z}
 FLOW, OP, ADDRESS, SLOT, READS_F, K, X, FLAGS, TO_W, TO_F, IS_CUT = range(11)
 """The columns of the decoded program: `ADDRESS` is the file register's, -1 if it has none or `SLOT` is it;
 `X` is a number, or one of these:
