@@ -209,7 +209,7 @@ class Page {
     this.compared();
     this.graded(model.graded);
     this.tools(model);
-    if (this.editor.changed) this.editor.check();   // its plan is another ghost beside this model
+    if (this.answer) this.posed(this.answer);   // it has another ghost beside this model
     this.ask();
   }
   // The chip, its source, the hands: of this model alone.
@@ -341,14 +341,15 @@ class Page {
   }
   // The job of the text was planned, or (null) is being changed.
   posed(answer) {
+    this.answer = answer;
     this.timeline.show(answer?.poses ?? null);
     if (!answer) { this.plan.known = false; return; }
     this.links.read(answer.poses);
-    const [first] = answer.poses;
-    if (first && !this.opened && document.activeElement !== this.editor.places.text) {
+    const [first] = answer.poses, untouched = document.activeElement !== this.editor.places.text;
+    if (first && this.model && !this.opened && untouched) {
       this.editor.reveal(first.line);   // what moves the robot is in sight at once
     }
-    this.opened = true;
+    this.opened = !!this.model;
     this.plan.take(answer, this.model, this.editor);
     this.linked();
     this.picture();

@@ -340,7 +340,9 @@ export class RobotView {
     const count = this.loose.length;
     const across = Math.min(count, Math.max(1, Math.floor(width / (9 * this.text))));
     const down = Math.ceil(count / across);
-    const cell = [width / across, (height - top) / down], radius = 0.3 * Math.min(cell[0], cell[1]);
+    const cell = [width / across, (height - top) / down];
+    // The horn is 1.25 radii long, and to the left and right of it stand 0° and 180°.
+    const radius = Math.min(0.3 * cell[1], (cell[0] / 2 - 2.6 * this.text) / 1.3);
     this.loose.forEach((index, place) => {
       const servo = this.model.servos[index];
       const x = cell[0] * (place % across + 0.5), y = top + cell[1] * (Math.floor(place / across) + 0.45);

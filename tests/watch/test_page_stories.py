@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("websockets", reason="the extra 'watch' is not installed")
 
 from tests.watch.browser import Page
-from tests.watch.test_page import LAB8, ROOT, Open, copy, go, slide, text, typed, watch  # noqa: F401 - a fixture
+from tests.watch.test_page import LAB8, NO_TRIS, ROOT, Open, copy, go, slide, text, typed, watch  # noqa: F401 - a fixture
 
 TRIPOD = ROOT / "jobs" / "hexapod-tripod.toml"
 STOP = "#emergency .stop"
@@ -278,3 +278,40 @@ def test_far_requests_simulate_nothing(watch: Open, tmp_path: Path) -> None:  # 
     page.run("document.getElementById('next-frame').click()")
     page.until(f"watched.latest.reach !== {reach}")
     assert page.run("watched.latest.reach") < 1_000_000
+
+
+def test_names_and_comments_that_look_like_pages_stay_text(watch: Open, tmp_path: Path) -> None:  # noqa: F811
+    program = tmp_path / "<img src=x onerror=hacked=1>.c"
+    program.write_text(f"// <script>hacked = 1</script><img src=x onerror=hacked=1>\n{NO_TRIS}")
+    page = watch(program)
+    page.click("#labels button")
+    page.until("!document.getElementById('explanation').hidden")
+    assert text(page, "#name") == program.name and "<script>" in text(page, "#source")
+    assert page.run("typeof hacked") == "undefined"
+    assert page.run("document.querySelectorAll('img, #source script, #views script').length") == 0
+
+
+def test_two_fingers_zoom_the_waves_and_one_finger_measures(watch: Open, tmp_path: Path) -> None:  # noqa: F811
+    page = watch(copy(LAB8, tmp_path), width=390, height=844)
+    page.call("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=2)
+    page.click("#which")
+    page.run("document.getElementById('waves').scrollIntoView({ block: 'center' })")
+    x, y = page.run(
+        "(b => [b.x + b.width * 0.6, b.y + b.height / 2])"
+        "(document.getElementById('waves').getBoundingClientRect())"
+    )
+    span = page.run("watched.waves.end - watched.waves.begin")
+
+    def touch(kind: str, *places: float) -> None:
+        points = [{"x": place, "y": y, "id": number} for number, place in enumerate(places)]
+        page.call("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+
+    touch("touchStart", x - 20, x + 20)
+    touch("touchMove", x - 40, x + 40)
+    touch("touchMove", x - 80, x + 80)
+    touch("touchEnd")
+    page.until(f"Math.abs((watched.waves.end - watched.waves.begin) / {span} - 0.25) < 0.03")
+    touch("touchStart", x)
+    touch("touchEnd")
+    page.until("watched.waves.cursors[1] !== null")
+    assert "cycle" in text(page, "#readout")
