@@ -16,7 +16,7 @@ from servogen.pic.device import EEPROM_BYTES
 from servogen.pic.image import Image
 from servogen.prove.counterexample import Counterexample, levels_of, pin_changes
 from servogen.prove.specification import START_FRAMES, Edge
-from servogen.prove.trims import VALUES
+from servogen.prove.tables import VALUES
 from servogen.pulse import PulseSchedule
 from servogen.simulator import SimulatorOptions
 

@@ -33,8 +33,10 @@ from servogen.prove.generalise import Generaliser
 from servogen.prove.nodes import Node
 from servogen.prove.quantifiers import EVERYTHING, Quantifiers
 from servogen.prove.specification import OVER, START_FRAMES, Specification
+from servogen.prove.tables import UndecidedTrims
 from servogen.prove.transitions import Transitions
-from servogen.prove.trims import Trimmed, TrimProof, UndecidedTrims, WrongEdge
+from servogen.prove.trim_pulses import WrongEdge
+from servogen.prove.trims import Trimmed, TrimProof
 from servogen.pulse import PulseSchedule
 from servogen.simulator import Machine, SimulatorOptions
 from servogen.units import Cycles

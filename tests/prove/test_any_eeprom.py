@@ -14,7 +14,7 @@ from servogen.edges import PINS, join
 from servogen.engines.stream.protocol import trim_cycles
 from servogen.pic.image import Image, read_hex, to_hex
 from servogen.programs import compile_program
-from servogen.prove import Proof, Quantifiers, prove_for_all
+from servogen.prove import Proof, Quantifiers, prove_for_all, trims
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import Channel, Pulse, Run
 from servogen.traces import read_edges
@@ -26,6 +26,8 @@ from tests.prove.attack import servogen
 from tests.prove.test_prove_inputs import assembled, schedule_of
 
 ANY = Quantifiers(any_eeprom=True)
+WDTE = 0x04
+"""The watchdog's bit of the configuration word (DS35007, register 6-1)."""
 
 
 @cache
@@ -258,6 +260,107 @@ def test_a_byte_that_is_read_through_fsr_is_any(before: str) -> None:
     image, schedule = trimmed(read=THROUGH_FSR.format(before))
     assert prove_for_all(image, schedule).proven
     assert not prove_for_all(image, schedule, ANY).proven
+
+
+NEXT = "        incf EEADR, f\n" + READ.replace("        nop\n", "")
+"""Reads the next byte of the EEPROM."""
+FROM_BYTE_5 = f"        movlw 5\n        movwf EEADR\n{READ}        movf EEDATA, w\n        xorlw 0x77\n"
+UNDECIDED = {
+    "a byte of the RAM that decides": ("        btfsc 0x40, 0\n        nop\n", 2),
+    "a table beside TMR0": (
+        "        movf EEDATA, w\n        movwf 0x30\n        movf TMR0, w\n        movf 0x30, w\n", 4
+    ),
+    "an interrupt": ("        movf TMR0, w\n        bsf INTCON, GIE\n", 2),
+    "three bytes": (
+        f"        movf EEDATA, w\n        movwf 0x35\n{NEXT}"
+        f"        movf EEDATA, w\n        movwf 0x36\n{NEXT}"
+        "        movf EEDATA, w\n        addwf 0x35, w\n        addwf 0x36, w\n        movwf 0x30\n"
+        "        btfsc 0x30, 0\n        nop\n",
+        18,
+    ),
+    "a rise at the byte's time": ("        movf EEDATA, w\n" + delayed("x"), 270),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("case", "reason"),
+    [
+        ("a byte of the RAM that decides", "an unknown bit decides (address 0x010, frame -1)"),
+        (
+            "a table beside TMR0",
+            "what depends on the EEPROM is read beside TMR0 (address 0x013, frame -1)",
+        ),
+        ("an interrupt", "an interrupt is enabled (address 0x011, frame -1)"),
+        ("three bytes", "3 bytes of the EEPROM decide together (address 0x01C, frame -1)"),
+        (
+            "a rise at the byte's time",
+            "a pin changes at a time that depends on the EEPROM (address 0x023, frame -1)",
+        ),
+    ],
+)
+def test_what_the_proof_cannot_follow_is_not_decided_and_it_says_what(case: str, reason: str) -> None:
+    """Each is proven with the file's EEPROM; "any EEPROM:" is the proof's second part."""
+    found = prove_for_all(*reading(*UNDECIDED[case]), ANY)
+    assert (found.proven, found.reason) == (False, f"any EEPROM: {reason}")
+
+
+def test_an_address_in_the_eeprom_that_is_not_known_is_not_decided() -> None:
+    """It is a byte of the RAM, which holds anything at power-up."""
+    body = PULSE.replace("clrf EEADR", "movf 0x40, w\n        movwf EEADR")
+    image = assembled(body.format(take="        nop\n        nop\n", pad="        nop\n" * 3))
+    found = prove_for_all(image, schedule_of(4 + 1 + 2 + 303 + 542 + 3 + 2, WIDTH), ANY)
+    assert not found.proven
+    assert found.reason == "any EEPROM: the address in the EEPROM is not known (address 0x010, frame -1)"
+
+
+def test_a_fall_that_the_read_of_tmr0_keeps_from_its_rise_is_not_decided() -> None:
+    body = PULSE.replace("bcf PORTB", "movf TMR0, w\n        bcf PORTB")
+    image = assembled(body.format(take="        nop\n        nop\n", pad="        nop\n" * 2))
+    found = prove_for_all(image, schedule_of(4 + 2 + 304 + 542 + 2 + 2, WIDTH + 1), ANY)
+    assert (found.proven, found.counterexample) == (False, None)
+    assert found.reason == "any EEPROM: a pulse on RB1 is not the schedule's (frame 0)"
+
+
+def test_after_different_times_a_watchdog_may_be_due_for_some_chips_only() -> None:
+    """A call between the pulse, as long as the byte says, and the pause that makes up for it."""
+    body = TRIMMED.replace("        movf 0x32, w\n", "        call sub\n        movf 0x32, w\n")
+    image = assembled((body + "sub     clrwdt\n        return\n").format(**TRIM))
+    assert image.config is not None
+    watched = replace(image, config=image.config | WDTE)
+    found = prove_for_all(watched, schedule_of(307 + 5, 144), ANY)
+    assert (found.proven, found.reason) == (False, "any EEPROM: the watchdog is on")
+
+
+def test_two_channels_cannot_have_one_trim() -> None:
+    """RB2's pulse, 143 cycles after RB1's, has byte 0 as its trim, too."""
+    second = TRIMMED[TRIMMED.index("        bsf PORTB, 1") : TRIMMED.index("        {last}")]
+    second = second.replace("PORTB, 1", "PORTB, 2").replace("long", "long2").replace("short", "short2")
+    outputs = "bsf STATUS, RP0\n        bcf TRISB, 2\n        bcf STATUS, RP0"
+    body = TRIMMED.replace("        {last}\n", second + "        {last}\n")
+    image = assembled(body.format(**TRIM | {"first": outputs}))
+    one = schedule_of(594, 144)
+    pulses = (Pulse(Cycles(0), Cycles(144)), Pulse(Cycles(287), Cycles(144)))
+    channels = (*one.channels, Channel("other", "RB2", "futaba-s3001"))
+    schedule = replace(one, channels=channels, loop=(Run(1, pulses),))
+    assert prove_for_all(image, schedule).proven
+    found = prove_for_all(image, schedule, ANY)
+    assert not found.proven and found.counterexample is not None
+    assert found.counterexample.eeprom == {0: 1}
+
+
+def test_a_program_that_waits_for_a_byte_is_not_passed_over() -> None:
+    """With 0x77 in byte 5 there is no pulse."""
+    wait = f"hang    nop\n{FROM_BYTE_5}        btfsc STATUS, Z\n        goto hang\n"
+    image, schedule = trimmed(first=wait.strip())
+    assert prove_for_all(image, schedule).proven
+    assert not prove_for_all(image, schedule, ANY).proven
+
+
+def test_the_steps_are_limited(monkeypatch: pytest.MonkeyPatch) -> None:
+    image, schedule = reading("        movf EEDATA, w\n        movwf 0x30\n", 2)
+    monkeypatch.setattr(trims, "MAX_STEPS", 3)
+    found = prove_for_all(image, schedule, ANY)
+    assert (found.proven, found.reason) == (False, "any EEPROM: more than 3 steps")
 
 
 def test_what_only_another_content_writes_is_not_known_after_a_reset() -> None:

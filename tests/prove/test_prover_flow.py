@@ -17,7 +17,9 @@ from servogen.prove.generalise import Guess
 from servogen.prove.prover import AS_IN_THE_FILE, Proof, _Prover
 from servogen.prove.quantifiers import EVERYTHING, Quantifiers
 from servogen.prove.specification import Specification
-from servogen.prove.trims import Trimmed, UndecidedTrims, WrongEdge
+from servogen.prove.tables import UndecidedTrims
+from servogen.prove.trim_pulses import WrongEdge
+from servogen.prove.trims import Trimmed
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import (
     ButtonRule,
