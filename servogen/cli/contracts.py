@@ -10,7 +10,7 @@ from pathlib import Path
 from servogen.cli.chip_options import ChipOptions
 from servogen.cli.files import keep_apart, read_program
 from servogen.cli.schedule_proof import NOT_PROVEN, ONE_ENGINE, PROVEN, Over
-from servogen.cli.show import as_json, status
+from servogen.cli.show import as_json, print_lines, status
 from servogen.contract import Contract, ContractVerdict, load_contract
 from servogen.errors import InputError, Location
 from servogen.outputs import write_text
@@ -51,7 +51,7 @@ def verify_contract(request: ContractRequest) -> int:
     if request.json:
         as_json({"file": str(request.file), "contract": contract.document.file} | verdict.to_json())
     else:
-        print("\n".join(verdict.lines()))
+        print_lines(verdict.lines())
     return 0 if verdict.accepted(request.partial) else 1
 
 
@@ -119,7 +119,7 @@ def prove_contract_of(request: ContractProofRequest) -> int:
     if request.json:
         as_json(_proof_json(proof, request, clock))
     else:
-        print("\n".join(_proof_lines(proof, request, clock)))
+        print_lines(_proof_lines(proof, request, clock))
     return PROVEN if proof.proven and request.accept_one_engine else NOT_PROVEN
 
 

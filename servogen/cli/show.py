@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import shlex
+import shutil
 import sys
+import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
@@ -126,6 +128,25 @@ def warn(diagnostic: Diagnostic) -> None:
 def next_step(command: str, *words: object) -> str:
     """Return the line that ends what a command prints: what to type next."""
     return f"next: servogen {shlex.join([command, *map(str, words)])}"
+
+
+def print_lines(lines: Iterable[str]) -> None:
+    """Print lines of text; on a terminal those that are longer are continued between words, further inside.
+
+    A command stays on one line, so that it can be copied.
+    """
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else 0
+    for line in lines:
+        inside = line[: len(line) - len(line.lstrip())]
+        if not width or len(line) <= width or line.lstrip().startswith("servogen "):
+            print(line)
+        else:
+            after = inside + "  "
+            print(
+                textwrap.fill(
+                    line, width, subsequent_indent=after, break_long_words=False, break_on_hyphens=False
+                )
+            )
 
 
 def warn_of_all(warnings: Sequence[Diagnostic], lines: SourceLines | None = None) -> None:

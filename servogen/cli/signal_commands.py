@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -23,14 +23,16 @@ from servogen.cli.options import (
     StimulusFile,
 )
 from servogen.cli.show import as_json, next_step, status, warn_of_all
+from servogen.contract import proposed_contract
 from servogen.edges import EdgeTrace
 from servogen.errors import InputError, Location
 from servogen.outputs import write_text
 from servogen.pic.image import Image
-from servogen.programs import chip_of
+from servogen.programs import Program, chip_of
 from servogen.pulse import PulseSchedule
 from servogen.report.pulse_plot import pulse_plot
 from servogen.simulator import SimulatorOptions
+from servogen.toml.file import exact
 from servogen.traces import read_edges
 from servogen.traces.captures import is_capture, read_capture, sampled_at
 from servogen.units import Cycles
@@ -267,20 +269,70 @@ def _verify_capture(
     return 0 if verdict.accepted(partial) else 1
 
 
+@dataclass(frozen=True, slots=True)
+class MeasuredFiles:
+    """The files to write."""
+
+    schedule: Annotated[
+        Path | None,
+        typer.Option(
+            "--schedule", help="Write the pulses as a schedule.json, for `verify` and `prove --against`."
+        ),
+    ] = None
+    contract: Annotated[
+        Path | None,
+        typer.Option(
+            "--contract",
+            help="Write what was seen as a contract (.toml), for `verify` and `prove --contract`.",
+        ),
+    ] = None
+    margin_percent: Annotated[
+        float,
+        typer.Option(
+            "--margin-percent",
+            min=0,
+            max=50,
+            help="By how much the contract's bounds are wider than what was seen.",
+        ),
+    ] = 0.5
+
+    @property
+    def wanted(self) -> bool:
+        return self.schedule is not None or self.contract is not None
+
+    def write(
+        self,
+        trace: EdgeTrace,
+        file: Path,
+        program: Program | None,
+        servos: Mapping[str, str],
+        device: str | None,
+    ) -> None:
+        """Write what was measured in a program or a recording."""
+        if self.contract is not None:
+            part, from_reset = exact(self.margin_percent) / 100, program is not None or not is_capture(file)
+            write_text(self.contract, proposed_contract(trace, file.name, part, from_reset=from_reset))
+        if self.schedule is not None:
+            built_for = device or (program.device if program else None)
+            write_text(self.schedule, measured_schedule(trace, str(file), servos, built_for).json_text())
+
+    def next_steps(self, file: Path) -> Iterator[str]:
+        """Yield what can be done with them."""
+        if self.schedule is not None:
+            yield next_step("prove" if is_program(file) else "verify", file, "--against", self.schedule)
+        if self.contract is not None:
+            yield next_step("verify", file, "--contract", self.contract)
+
+
 def measure(
     file: SignalFile,
     chip: ChipOptions,
+    files: MeasuredFiles,
     seconds: Seconds = None,
     servo: Annotated[
         list[str] | None,
         typer.Option(
             "--servo", help="Check against this servo model (a name or a .toml file): MODEL or PIN=MODEL."
-        ),
-    ] = None,
-    schedule: Annotated[
-        Path | None,
-        typer.Option(
-            "--schedule", help="Write the pulses as a schedule.json, for `verify` and `prove --against`."
         ),
     ] = None,
     clock_hz: ClockHz = None,
@@ -291,17 +343,16 @@ def measure(
     """Measure the pulses of a program (default: for 20 s) or of recorded edges, and warn about
     suspicious ones.
     """
-    keep_apart([file], schedule)
+    keep_apart([file], files.schedule, files.contract)
     models = servos_named(servo or [])
     if device is not None or chip.given:
         refuse_chip_options(file)
     program = read_program(file, device) if is_program(file) else None
     board = chip.on(chip_of(program, device))
     trace = unscheduled_edges(file, program, seconds, clock_hz, board, wires_for(file, wire))
-    if schedule is not None:
+    if files.wanted:
         trace = trace.stored()
-        built_for = device or (program.device if program else None)
-        _write_schedule(schedule, trace, file, {pin: model.name for pin, model in models.items()}, built_for)
+        files.write(trace, file, program, {pin: model.name for pin, model in models.items()}, device)
     with status("measuring"):
         measurement = measured(trace)
     warnings = measured_warnings(measurement, models)
@@ -309,15 +360,9 @@ def measure(
         as_json(measurement.to_json(), warnings)
         return
     print("\n".join(measurement_lines(measurement)))
-    if schedule is not None:
-        print(next_step("prove" if is_program(file) else "verify", file, "--against", schedule))
+    for line in files.next_steps(file):
+        print(line)
     warn_of_all(warnings)
-
-
-def _write_schedule(
-    path: Path, trace: EdgeTrace, file: Path, servos: Mapping[str, str], device: str | None
-) -> None:
-    write_text(path, measured_schedule(trace, str(file), servos, device).json_text())
 
 
 def plot(

@@ -2,6 +2,7 @@
 
 from servogen.contract.clauses import Clause, Contract, load_contract, parse_contract
 from servogen.contract.judge import ClauseVerdict, ContractVerdict, judge_contract
+from servogen.contract.proposal import proposed_contract
 
 __all__ = [
     "Clause",
@@ -11,4 +12,5 @@ __all__ = [
     "judge_contract",
     "load_contract",
     "parse_contract",
+    "proposed_contract",
 ]

@@ -145,6 +145,12 @@ class Clause:
     """What is counted as seen: "pulse", "cause"."""
     place: Location
 
+    @property
+    def always(self) -> bool:
+        """Return whether it is about a level that a pin has all the time: every run from reset shows it."""
+        observer = self.observer
+        return isinstance(observer, NeverObserver) and not observer.longer and observer.pins.bit_count() == 1
+
 
 @dataclass(frozen=True, slots=True)
 class Contract:
@@ -245,7 +251,7 @@ class _Reader:
         text = f"never: {levels}" + (
             f" for longer than {_number(table.longer_us)} µs" if table.longer_us else ""
         )
-        return NeverObserver(levels, longer), text, "change"
+        return NeverObserver(levels, longer), text, "level" if levels.pins.bit_count() == 1 else "change"
 
     def _serial(self, table: SerialTable, key: Key) -> Made:
         bit = self._clock.cycles_per_second / exact(table.baud)

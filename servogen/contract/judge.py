@@ -120,7 +120,8 @@ class Watch:
 
     def __init__(self, clause: Clause, from_reset: bool) -> None:
         self.clause = clause
-        self.seen = self.breaches = 0
+        self.seen = int(from_reset and clause.always)
+        self.breaches = 0
         self.first: Breach | None = None
         self._state = clause.observer.start(from_reset)
 

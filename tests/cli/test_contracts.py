@@ -31,6 +31,22 @@ def test_one_run_is_exact_or_violated_with_the_moment(files: Path, run: Run) -> 
     assert answered["clauses"][0]["message"] == "is high for more than 32 cycles"
 
 
+def test_a_contract_is_proposed_by_a_run_that_keeps_it_and_another_breaks_it(files: Path, run: Run) -> None:
+    """The other program's wave is one cycle slower on each side."""
+    proposed = run(
+        "measure", "wave.asm", "--contract", "first.toml", "--margin-percent", "0", "--seconds", "0.1"
+    )
+    assert proposed.out.splitlines()[-1] == "next: servogen verify wave.asm --contract first.toml"
+    words = ["--contract", "first.toml", "--seconds", "0.1"]
+    kept = run("verify", "wave.asm", *words)
+    assert kept.code == 0 and kept.out.startswith("exact: one run from power-up of 0.1 s")
+    broken = run("verify", "late.asm", *words)
+    assert broken.code == 1 and broken.out.startswith("violated")
+    assert run("simulate", "wave.asm", "--seconds", "0.1", "--edges", "wave.csv").code == 0
+    assert run("measure", "wave.csv", "--contract", "seen.toml").code == 0
+    assert run("verify", "wave.asm", "--contract", "seen.toml", "--seconds", "0.1").code == 0
+
+
 def test_a_stimulus_drives_the_inputs_and_without_one_nothing_is_seen(files: Path, run: Run) -> None:
     (files / "press.toml").write_text(
         '[[level]]\npin = "RB0"\nat_us = [0, 500, 900, 1300]\nlevel = [1, 0, 1, 0]\n'

@@ -98,6 +98,7 @@ OPTIONS: dict[str, tuple[object, float | None, float | None]] = {
     "simulate --cycles": (None, 0, 10**16),
     "twin --step-mm": (0.0, None, None),
     **dict.fromkeys(("--crystal-ppm", "--rough-mm", "--slope-deg"), (0.0, None, None)),
+    "--margin-percent": (0.5, 0, 50),
     **dict.fromkeys(("--floating", "--tmr0-phase"), (0, None, None)),
     **{
         f"--{name}": ((0.0,) * 3, None, None)

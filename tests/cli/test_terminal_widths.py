@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from servogen.cli import main
-from servogen.cli.show import table
+from servogen.cli.show import print_lines, table
 
 ROOT = Path(__file__).parents[2]
 Screen = Callable[..., list[str]]
@@ -104,6 +104,26 @@ def test_words_are_whole_and_columns_that_do_not_fit_are_named(screen: Screen, w
         assert shown != (column in gone), (column, index)
     assert "job" not in gone
     assert bool(gone) == (width < 97), "the least columns go before a cell is wrapped"
+
+
+@pytest.mark.parametrize("words", ["verify", "prove"])
+def test_a_contracts_verdict_fits_the_terminal_and_loses_no_word(
+    screen: Screen, monkeypatch: pytest.MonkeyPatch, words: str
+) -> None:
+    """Longer lines go on further inside, between words; a command to copy stays on one line."""
+    text = [
+        "not decided: " + "a cause of several events at inputs " * 4,
+        "  kept      pulse of RB0: high 1161 to 1676 µs, period 19 900 to 20 100 µs (999 pulses, 3 causes)",
+        "  servogen verify a-program.hex --contract a-contract.toml --start ram=0 --seconds 123456 --json",
+    ]
+    for width in WIDTHS:
+        shown = screen(width, print_lines, text)
+        assert " ".join(" ".join(shown).split()) == " ".join(" ".join(text).split())
+        assert shown[-1] == text[-1]
+        assert all(len(line) <= width for line in shown[:-1])
+    contract, program = ROOT / "docs/examples/servo-contract.toml", ROOT / "firmware/lab8-exercise/main.hex"
+    lines = screen(80, command, monkeypatch, words, program, "--contract", contract)
+    assert lines and all(len(line) <= 80 or line.startswith("  servogen ") for line in lines)
 
 
 def test_columns_go_in_the_order_that_is_given_then_from_the_right(screen: Screen) -> None:
