@@ -287,6 +287,7 @@ LATE_IMPORTS = {
     "kinematics/symbolic.py": "sympy is an optional extra",
     "kinematics/urdf.py": "urdf-parser-py is an optional extra",
     "programs.py": "start-up time: the compiler, the assembler and schedules are for different files",
+    "recordings/documents.py": "pyyaml is an optional extra",
     "report/film.py": "matplotlib is an optional extra",
     "report/pictures.py": "matplotlib is an optional extra",
     "testing/plugin.py": "start-up time: pytest loads the plugin for every project",

@@ -12,6 +12,7 @@ from dataclasses import fields, is_dataclass
 from functools import wraps
 from importlib import import_module
 from itertools import pairwise
+from keyword import iskeyword
 from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
@@ -34,6 +35,7 @@ GROUPS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         "build_commands": ("build", "demo"),
         "report_command": ("report",),
         "tune_command": ("tune",),
+        "import_command": ("import",),
     },
     "Programs and signals": {
         "compile_command": ("compile",),
@@ -104,7 +106,8 @@ class LazyCommands(TyperGroup):
 
 
 def _function_name(command: str) -> str:
-    return command.replace("-", "_")
+    """Return the function of a command: `import` is a word of Python's."""
+    return command.replace("-", "_") + ("_" if iskeyword(command) else "")
 
 
 def _help_in_source(command: str) -> str:

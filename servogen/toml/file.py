@@ -65,15 +65,19 @@ def load(path: str | Path, model: type[Model]) -> tuple[Document, Model]:
 
 def read(path: str | Path) -> Document:
     """Return the file at `path`, parsed but not validated. Raises InputError."""
+    return parse(read_text(path), str(path))
+
+
+def read_text(path: str | Path) -> str:
+    """Return the text of the file at `path`. Raises InputError."""
     raw = read_input(path)
     try:
-        text = raw.decode("utf-8-sig")
+        return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
         raise InputError(
             "not-utf8", "is not UTF-8 text", Location(str(path), line), "TOML files are UTF-8"
         ) from error
-    return parse(text, str(path))
 
 
 def parse(text: str, file: str) -> Document:

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 
@@ -138,6 +138,24 @@ def _far_apart(points: Floats, apart: float) -> int:
         if np.abs(chosen - point).max(axis=1).min() > apart:
             chosen = np.vstack((chosen, point))
     return len(chosen)
+
+
+def reduced(rows: Floats, far: float, laws: Sequence[str]) -> list[tuple[int, int, str]]:
+    """Return `rows` (frames, channels) as the moves and stays that take the player the fewest bytes.
+
+    Each is the frame whose pose it begins in, the one whose pose it ends in, and "stay", "straight" or one of
+    `laws`, which deviate by up to `far` cycles. A stay ends where its pose does, perhaps before a jump.
+    """
+    best: list[_Piece] = []
+    cost = np.inf
+    part = _Part(rows, 0, len(rows) - 1, far)
+    for count in range(len(laws) + 1):
+        for some in combinations(laws, count):
+            pieces = list(part.pieces(some)) if len(rows) > 1 else []
+            stored = sum(STEP_BYTES + rows.shape[1] * (piece.law != "stay") for piece in pieces)
+            if stored + ENTRIES * count < cost:
+                best, cost = pieces, stored + ENTRIES * count
+    return [(piece.first, piece.end, piece.law) for piece in best]
 
 
 def _parts(rows: Floats, marks: Sequence[int], loop_start: int, far: float) -> Iterator[_Part | _Silence]:
