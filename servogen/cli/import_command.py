@@ -44,7 +44,7 @@ class TrackOptions:
         typer.Option("--joints", help="The angles are those of joints, as in ROS files and with --robot."),
     ] = False
     to_s: Annotated[
-        float | None, typer.Option("--to-s", min=0.001, help="Import only the beginning, up to this time.")
+        float | None, typer.Option("--to-s", min=0, help="Import only the beginning, up to this time.")
     ] = None
 
     @property

@@ -74,6 +74,7 @@ OPTIONS: dict[str, tuple[object, float | None, float | None]] = {
     "--rate": (None, 1, None),
     "--noise": (0.0, 0, None),
     "watch --port": (0, 0, 65_535),
+    "--to-s": (None, 0, None),
     "twin --seconds": (None, 0, None),
     "--seed": (1, 0, None),
     "--spring-mm": (None, 0, 100_000),
