@@ -12,12 +12,13 @@ import sys
 from contextlib import nullcontext
 from fractions import Fraction
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from intelhex import IntelHex
 
 from servogen.bench.programmers.flash import command_of, flash
-from servogen.bench.programmers.picpro import tolerant
+from servogen.bench.programmers.picpro import tolerant, where_it_acts
 from servogen.bench.programmers.table import PROGRAMMERS, InstalledProgrammer, ProgrammingRequest, find
 from servogen.bench.virtual.chip import VirtualChip
 from servogen.bench.virtual.k150 import ProgrammerOptions, VirtualProgrammer
@@ -148,7 +149,22 @@ def test_picpro_may_lack_a_modem_line_but_no_port(code: int) -> None:
         raise OSError(code, os.strerror(code))
 
     with nullcontext() if code != errno.EIO else pytest.raises(OSError, match=os.strerror(code)):
-        tolerant(update)(None)
+        port = SimpleNamespace()
+        tolerant(update)(port)
+        assert port.lacks_dtr
+
+
+@pytest.mark.parametrize(("lacks_dtr", "waits"), [(False, 1), (True, 0)])
+def test_picpro_waits_for_a_reset_only_where_a_line_resets(lacks_dtr: bool, waits: int) -> None:
+    asked: list[object] = []
+
+    def reset(interface: object) -> bool:
+        asked.append(interface)
+        return True
+
+    interface = SimpleNamespace(port=SimpleNamespace(lacks_dtr=lacks_dtr))
+    assert where_it_acts(reset)(interface) is not lacks_dtr
+    assert len(asked) == waits
 
 
 @picpro

@@ -8,7 +8,7 @@ K149, K150, K182 ("P18A"), of which the commands for 14-bit chips are implemente
                        └──────1──▶ 'Q', idle
 
 A client resets a real K150 by DTR, which a pseudo-terminal does not have. Instead, the programmer is idle
-again after a silence, even in the middle of a command.
+again when a client opens its port (`terminals`), and after a silence, even in the middle of a command.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ ERASED_BYTE = 0xFF
 ID_BITS = 0x7F  # DS35007 section 6.13: the low four bits are meant; seven are programmed
 
 SILENCE_S = 1.0
-"""The silence after which the programmer is idle again; picpro waits for that time when it resets one."""
+"""The silence after which the programmer is idle again, where nothing tells that its port was opened."""
 
 MAX_UNREAD = 4096
 """The bytes kept for a client that does not read; older ones are lost, as on a real line."""
@@ -108,7 +108,7 @@ class VirtualProgrammer:
             return
         now = self.now()
         if self._heard_at is not None and now > self._heard_at + SILENCE_S:
-            self._begin_anew()
+            self.restarted()
         self._heard_at = now
         self._waiting += data
         if self._talk is None:
@@ -120,7 +120,7 @@ class VirtualProgrammer:
             self._needs = self._talk.send(piece)
             del self.outgoing[:-MAX_UNREAD]
 
-    def _begin_anew(self) -> None:
+    def restarted(self) -> None:
         """Discard the current command and unread output, and switch off the programming voltage."""
         self._talk = None
         self._waiting.clear()
