@@ -13,8 +13,9 @@ def sampled(cases: Collection[Any], kept: int = 1) -> list[Any]:
     """
     every_change = {number * len(cases) // kept for number in range(kept)}
     return [
-        case
-        if number in every_change
-        else pytest.param(*(case if isinstance(case, tuple) else (case,)), marks=pytest.mark.campaign)
+        pytest.param(
+            *(case if isinstance(case, tuple) else (case,)),
+            marks=() if number in every_change else pytest.mark.campaign,
+        )
         for number, case in enumerate(cases)
     ]

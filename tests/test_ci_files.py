@@ -88,6 +88,7 @@ def test_the_step_that_installs_takes_the_tested_versions() -> None:
     ]
 
 
+@pytest.mark.campaign
 def test_the_action_builds_and_proves_jobs(tmp_path: Path) -> None:
     shutil.copy(ROOT / "jobs" / "lab8-exercise.toml", tmp_path / "arm.toml")
     code, out, ran = act(tmp_path, inputs(jobs="\n  arm.toml\n", output="made"))
@@ -239,6 +240,7 @@ def test_the_image_installs_extras_that_exist_with_the_tested_versions() -> None
     assert set(pip[-1].partition("[")[2].rstrip("]").split(",")) <= set(extras)
 
 
+@pytest.mark.campaign
 def test_what_the_image_runs_works(tmp_path: Path) -> None:
     """The container with no arguments and with those of the documentation."""
     entry, default = json.loads(the("ENTRYPOINT")[0]), json.loads(the("CMD")[0])

@@ -58,6 +58,7 @@ JOB = str(ROOT / "jobs" / "lab8-exercise.toml")
 FOLDER = ROOT / "firmware" / "lab8-exercise"
 
 
+@pytest.mark.campaign
 def test_what_needs_nothing_of_the_system_works(tmp_path: Path) -> None:
     commands = [
         ["check", JOB],

@@ -85,6 +85,7 @@ def build(site: Path, *options: object) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.campaign
 @mkdocs
 def test_the_site_is_made_without_a_warning(tmp_path: Path) -> None:
     done = build(tmp_path / "site")

@@ -36,6 +36,7 @@ def seen(run: Run, bench: Bench, schedule: Path, where: Path) -> dict[str, objec
     return verdict
 
 
+@pytest.mark.campaign
 @picpro
 def test_a_program_with_a_pulse_of_two_microseconds_more_is_caught(run: Run, tmp_path: Path) -> None:
     folder, old, new = HEXAPOD, "ROW[] = { 95, 95, 95, 75,", "ROW[] = { 97, 95, 95, 75,"  # one leg's lift

@@ -116,6 +116,7 @@ def test_a_fault_with_a_number_needs_a_whole_one(number: str) -> None:
     assert refused.value.code == "bad-option"
 
 
+@pytest.mark.campaign
 def test_of_two_processes_on_one_port_the_second_is_refused(run: Run, bench: Rig, tmp_path: Path) -> None:
     port = bench("--real-time").paths["analyser"]
     common = ("capture", "--port", port, "--against", SCHEDULE, "--seconds", "1", "-o")
@@ -145,6 +146,7 @@ def in_use(port: str) -> bool:
     return False
 
 
+@pytest.mark.campaign
 def test_in_real_time_a_capture_takes_as_long_as_it_shows(run: Run, bench: Rig, tmp_path: Path) -> None:
     port = bench("--real-time").paths["analyser"]
     begin = time.monotonic()

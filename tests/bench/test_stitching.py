@@ -22,6 +22,7 @@ from servogen.report.signals import captured
 from servogen.units import Clock
 from servogen.workflows.reporting import capture_facts
 from tests.bench.conftest import LAB8, ROOT, Run, Serve, image_of, shorter_in
+from tests.campaigns import sampled
 
 HEXAPOD = ROOT / "firmware" / "hexapod-tripod"
 SMALL = 8192
@@ -35,10 +36,12 @@ def device(folder: Path, **options: object) -> dict[str, VirtualAnalyser]:
 
 @pytest.mark.parametrize(
     ("folder", "seconds", "frames"),
-    [
-        (HEXAPOD, (), 291),  # edges at 17.5 different times of a frame, 36.3 words: 111 fit
-        (LAB8, ("--seconds", 30), 1500),  # 2 edges in a frame, 5.2 words: 782 fit
-    ],
+    sampled(
+        [
+            (HEXAPOD, (), 291),  # edges at 17.5 different times of a frame, 36.3 words: 111 fit
+            (LAB8, ("--seconds", 30), 1500),  # 2 edges in a frame, 5.2 words: 782 fit
+        ]
+    ),
 )
 def test_a_motion_longer_than_the_memory_is_stitched_and_proven(
     run: Run, serve: Serve, tmp_path: Path, folder: Path, seconds: tuple[object, ...], frames: int

@@ -239,6 +239,7 @@ def test_gait_draws_the_same_picture_twice(run: Run, tmp_path: Path) -> None:
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
+@pytest.mark.campaign
 def test_a_leg_and_a_falling_robot_can_be_drawn_too(run: Run, tmp_path: Path) -> None:
     told(run, "--leg", "L2", "--plot", tmp_path / "leg.png")
     told(run, "--duty", 0.4, "--lifts", "0,0,0,0,0,0", "--allow-falling", "--plot", tmp_path / "air.png")

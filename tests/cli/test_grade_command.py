@@ -150,6 +150,7 @@ def test_a_scheduler_that_is_not_there_is_a_missing_tool(run: Run, monkeypatch: 
     assert "Dask" in ran.err
 
 
+@pytest.mark.campaign
 def test_a_dask_cluster_gives_the_same_grades(run: Run) -> None:
     files = [PROGRAMS / "lab8-right" / "delays.c", PROGRAMS / "lab8-wrong" / "pause.c"]
     alone = run("grade", "lab8-exercise", *files, "--json")

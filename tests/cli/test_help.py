@@ -249,6 +249,7 @@ COMPLETIONS = [
 ]
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(shutil.which("bash") is None, reason="bash is not installed")
 def test_bash_completes_commands_options_and_values() -> None:
     """With the script that --show-completion prints, in a shell that finds servogen on its path."""

@@ -63,6 +63,7 @@ def test_a_closed_output_is_not_the_next_file_that_is_opened(tmp_path: Path) -> 
 SIMULATE = ("simulate", str(HEX), "--cycles", "300", "--trace")
 
 
+@pytest.mark.campaign
 def test_a_trace_goes_through_a_pipe_after_what_was_printed(tmp_path: Path) -> None:
     assert shell("", *SIMULATE, str(tmp_path / "trace.txt")).returncode == 0
     wanted = (tmp_path / "trace.txt").read_text()
@@ -105,7 +106,9 @@ main()
 """
 
 
-@pytest.mark.parametrize("module", ["servogen.cli", "typer", "servogen.errors", "servogen.job", "numpy"])
+@pytest.mark.parametrize(
+    "module", sampled(["servogen.cli", "typer", "servogen.errors", "servogen.job", "numpy"], 2)
+)
 def test_ctrl_c_while_modules_are_imported_ends_the_process_quietly(module: str) -> None:
     code = INTERRUPTS.format(module=module, handler="default_int_handler", args=("check", JOB))
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)

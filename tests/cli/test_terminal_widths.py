@@ -16,6 +16,7 @@ import pytest
 
 from servogen.cli import main
 from servogen.cli.show import print_lines, table
+from tests.campaigns import sampled
 
 ROOT = Path(__file__).parents[2]
 Screen = Callable[..., list[str]]
@@ -76,7 +77,7 @@ COMMANDS = [
 ]
 
 
-@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("width", sampled(WIDTHS))
 @pytest.mark.parametrize("arguments", COMMANDS, ids=lambda given: f"{given[0]}-{Path(given[-1]).stem}")
 def test_no_table_is_wider_than_the_terminal(
     screen: Screen, monkeypatch: pytest.MonkeyPatch, width: int, arguments: tuple[object, ...]

@@ -8,9 +8,11 @@ from servogen.compiler import Compilation, Options, Source, compile_sources
 from servogen.compiler.driver import LEVELS
 from servogen.compiler.frontend.dialects import DIALECTS
 from servogen.errors import InputError
+from tests.campaigns import sampled
 from tests.compiler.bus import Bus
 
-EVERYWHERE = [(dialect, level) for dialect in DIALECTS for level in LEVELS]
+WHERE = [(dialect, level) for dialect in DIALECTS for level in LEVELS]
+EVERYWHERE = sampled([(where,) for where in WHERE], 4)
 PORTB = 0x06
 HEADS = {"c2c": "", "xc8": "#include <xc.h>\n", "sdcc": "#include <pic14/pic16f84a.h>\n"}
 

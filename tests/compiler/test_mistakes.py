@@ -204,6 +204,7 @@ def right_programs() -> list[tuple[str, str, str]]:
     return found
 
 
+@pytest.mark.campaign
 def test_nothing_is_said_about_programs_that_are_right(monkeypatch: pytest.MonkeyPatch) -> None:
     def stop(graph: object, reporter: Reporter, symbols: object) -> None:
         said.extend(reporter.ordered())

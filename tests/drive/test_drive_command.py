@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from servogen.cli.drive_command import _log
+from tests.campaigns import sampled
 from tests.drive.conftest import ROOT, Run, Serial
 
 JOBS = ROOT / "jobs"
@@ -54,6 +55,7 @@ def test_ctrl_c_stops_the_robot(start: Start, serial: Serial) -> None:
     serial.wait_for(lambda decoder: decoder.positions[0] == position(1250))
 
 
+@pytest.mark.campaign
 def test_wheels_stand_when_the_process_is_told_to_end(start: Start, serial: Serial) -> None:
     process = start("drive", JOBS / "omni-square.toml", "-p", serial.path, *RANGE, "--json")
     serial.wait_for(lambda decoder: decoder.positions.get(0, 127) != 127)
@@ -110,6 +112,7 @@ def test_a_robot_that_is_unplugged_and_plugged_in_again_gets_its_whole_pose(
     assert json.loads(out.splitlines()[-1])["outages"] == 1
 
 
+@pytest.mark.campaign
 def test_a_port_that_another_program_takes_first_is_waited_for_and_the_reason_is_said(
     start: Start, serial: Serial
 ) -> None:
@@ -236,7 +239,7 @@ def test_a_stream_jobs_line_and_widths_are_its_own(run: Run, tmp_path: Path, fai
     assert off.code == (0 if fail_safe == "off" else 2)
 
 
-@pytest.mark.parametrize("fail_safe", ["hold", "neutral"])
+@pytest.mark.parametrize("fail_safe", sampled(["hold", "neutral"]))
 def test_a_pose_that_the_fail_safe_would_end_is_kept_and_said_to_be(
     start: Start, serial: Serial, tmp_path: Path, fail_safe: str
 ) -> None:

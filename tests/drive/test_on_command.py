@@ -202,11 +202,13 @@ def test_commands_from_a_pipe_drive_the_simulated_chip(start: Start) -> None:
 
 @pytest.mark.parametrize(
     ("options", "text", "message"),
-    [
-        ((), "", "walks on command"),
-        (("--keys", "--pose", "1"), "", "--pose is for other jobs"),
-        (("--keys",), "fly\n", "unknown command 'fly'"),
-    ],
+    sampled(
+        [
+            ((), "", "walks on command"),
+            (("--keys", "--pose", "1"), "", "--pose is for other jobs"),
+            (("--keys",), "fly\n", "unknown command 'fly'"),
+        ]
+    ),
 )
 def test_bad_input_is_a_plain_error(start: Start, options: tuple[str, ...], text: str, message: str) -> None:
     code, _, err = piped(start, text, *options)
@@ -253,6 +255,7 @@ def test_keys_of_a_terminal_are_sent_to_a_port_and_the_terminal_is_restored(star
         assert termios.tcgetattr(slave) == before
 
 
+@pytest.mark.campaign
 def test_ctrl_c_ends_the_drive_and_restores_the_terminal(start: Start) -> None:
     with terminal() as (_, slave):
         before = termios.tcgetattr(slave)

@@ -186,6 +186,7 @@ def test_the_first_pose_is_gone_to_together_and_the_stop_pose_comes_at_once() ->
         assert widths[-1] == 1500
 
 
+@pytest.mark.campaign
 def test_a_calibrations_widths_stand_on_the_pin_however_long_the_answer_takes() -> None:
     """The chip's fail-safe would take the servo to neutral while somebody reads the angle."""
     text = job_of(1, "neutral").replace("[stream]", "[stream]\nsilence_s = 1.0")
@@ -218,6 +219,7 @@ def rig(start: Start, tmp_path: Path) -> dict[str, str]:
     return {**ports, "job": str(path)}
 
 
+@pytest.mark.campaign
 def test_from_the_command_line_to_the_pins_of_a_rig(run: Run, rig: dict[str, str], tmp_path: Path) -> None:
     done = run("drive", rig["job"], "--port", rig["serial"], "--pose", "s0=45,s1=120")
     assert done.code == 0, done.err

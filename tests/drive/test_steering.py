@@ -63,6 +63,7 @@ def test_a_walk_is_steered_without_its_job_file(tmp_path: Path) -> None:
     assert (robot.gaits["left"].cycle == walking().gaits["left"].cycle).all()
 
 
+@pytest.mark.campaign
 def test_whatever_is_ordered_no_joint_of_the_walk_jumps() -> None:
     """β lifts as in the walk ahead. α is fastest in the step on the spot to the footfalls of a turn: a corner
     leg at (90, 50) mm turns in a swing of 24 frames from straight out to the line from the body's centre, and

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from servogen.engines.registry import ENGINES, engine_named
+from tests.campaigns import sampled
 
 ROOT = Path(__file__).parents[2]
 TOY = Path(__file__).parent / "toy"
@@ -81,6 +82,7 @@ def test_its_firmware_is_built_and_proven_in_every_dialect(four_engines: Path) -
     assert [cycles[1] - cycles[0], cycles[2] - cycles[0]] == [1167, 20_000]
 
 
+@pytest.mark.campaign
 def test_what_it_cannot_play_is_its_own_refusal(four_engines: Path) -> None:
     two = JOB.replace("hold_s = 1 }", "hold_s = 1 }, { arm_deg = 60, hold_s = 1 }")
     done = built(four_engines, two)
@@ -97,7 +99,7 @@ def test_what_it_does_not_read_is_refused_by_the_facts_on_its_line(four_engines:
 JUMPER = '[jumper]\npin = "RA4"\n'
 
 
-@pytest.mark.parametrize("engine", ["toy", "auto"])
+@pytest.mark.parametrize("engine", sampled(["toy", "auto"]))
 def test_an_input_of_its_own_is_a_table_that_only_it_accepts(four_engines: Path, engine: str) -> None:
     done = built(four_engines, JOB.replace('"toy"', f'"{engine}"') + JUMPER)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -115,6 +117,7 @@ def test_another_engine_refuses_the_input(four_engines: Path) -> None:
     assert 'write engine = "toy", or omit engine' in done.stderr
 
 
+@pytest.mark.campaign
 def test_its_table_is_checked_as_all_others_are(four_engines: Path) -> None:
     for text, message in (
         ('[jumper]\npin = "RB0"\n', "RB0 is in use: arm"),
@@ -125,6 +128,7 @@ def test_its_table_is_checked_as_all_others_are(four_engines: Path) -> None:
         assert done.returncode == 2 and message in done.stderr, done.stderr
 
 
+@pytest.mark.campaign
 def test_without_its_line_there_is_no_such_table(tmp_path: Path) -> None:
     (tmp_path / "toy.toml").write_text(JOB.replace('"toy"', '"auto"') + JUMPER)
     command = [sys.executable, "-m", "servogen", "check", str(tmp_path / "toy.toml")]

@@ -281,6 +281,7 @@ def test_github_classrooms_reporter_adds_up_the_same_points(out: Path) -> None:
         assert reported({"LAB8_RESULTS": encoded}, "lab8") == expected
 
 
+@pytest.mark.campaign
 def test_the_workflow_of_the_page_grades_a_repository(out: Path, tmp_path: Path) -> None:
     """The step is run as it stands, by bash as on GitHub's machines, and read as the reporter does."""
     (block,) = re.findall(r"^```yaml\n(.*?)^```", PAGE, re.M | re.S)

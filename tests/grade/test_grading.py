@@ -149,6 +149,7 @@ def test_the_command_goes_on_and_says_it(run: Run, tmp_path: Path) -> None:  # n
     assert "1 of 2 passed" in done.out
 
 
+@pytest.mark.campaign
 def test_a_system_without_limits_is_said_to_be_one(
     run: Run,  # noqa: F811
     tmp_path: Path,
@@ -165,6 +166,7 @@ def test_a_system_without_limits_is_said_to_be_one(
 # A process of their own, as on a cluster and on systems without fork.
 
 
+@pytest.mark.campaign
 def test_a_fresh_process_keeps_the_limits(tmp_path: Path) -> None:
     names = ["hoard.c", "right.c", "spin.c", "segfault.c"]
     graded = grade_in_fresh_process(submissions(tmp_path, names), task())

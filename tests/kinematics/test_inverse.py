@@ -524,6 +524,7 @@ def test_no_configuration_is_nearer_than_the_nearest_point(sampled_arm, configur
         assert here <= np.linalg.norm(cloud - target, axis=1).min() + 1e-6
 
 
+@pytest.mark.campaign
 def test_the_nearest_point_inside_a_cylindrical_arm_is_straight_out() -> None:
     """Its points are 180 to 480 mm from the axis and 200 to 500 mm high: q3 from 100 to 400, and l4 = 80."""
     for x, y, z in np.random.default_rng(1).uniform((-0.1, -0.1, 0.0), (0.1, 0.1, 0.7), (30, 3)):

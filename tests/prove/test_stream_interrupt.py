@@ -135,6 +135,7 @@ def test_a_fall_late_in_the_last_round_but_one_keeps_samples_away_but_not_out_of
     assert far.latest_sample(9, STREAMED.first_units, STREAMED.bit_units) > 10 * bit / Fraction(102, 100)
 
 
+@pytest.mark.campaign
 def test_servos_on_two_ports_have_the_same_edges_a_pointer_later() -> None:
     job = plan_job(loads(TWO_PORTS, "job.toml"))
     found = guarantee(listing_of(compiled(job, streamed := stream(job)[1], "c2c").text), streamed, FINES)

@@ -13,6 +13,7 @@ import pytest
 from servogen.pic.isa import INSTRUCTIONS, encode
 from servogen.simulator import Machine, Observation
 from servogen.units import Clock
+from tests.campaigns import sampled
 from tests.pic.test_semantics import tabled
 from tests.simulator.flags import BYTE_ORIENTED, LITERAL, Bytes
 from tests.simulator.helpers import image, machine, ram, steps
@@ -57,7 +58,7 @@ def file_cases() -> list[tuple[str, int, int]]:
     return [(name, d, c) for name in BYTE_ORIENTED for d in (0, 1) for c in (0, 1)]
 
 
-@pytest.mark.parametrize(("name", "d", "c"), file_cases())
+@pytest.mark.parametrize(("name", "d", "c"), sampled(file_cases(), 14))
 def test_byte_oriented_instructions_agree_with_the_adders_for_all_operands(name: str, d: int, c: int) -> None:
     chip = machine(FILE_LOOP.format(name=name, d=d, carry=("bcf", "bsf")[c]))
     rows = traced(chip, FILE_CYCLES)

@@ -65,6 +65,7 @@ def test_a_broken_program_fails_on_the_bench(name: str, pytester: pytest.Pyteste
     result.assert_outcomes(failed=1, skipped=INSIDE.get(name, 0))
 
 
+@pytest.mark.campaign
 def test_a_run_on_the_bench_is_replayed(pytester: pytest.Pytester, serve: Serve) -> None:  # noqa: F811
     """Each run of the test is a recording; a chip is needed no more."""
     write(pytester.path, PROGRAMS, {"test_debounce.py": TESTS["test_debounce.py"]})

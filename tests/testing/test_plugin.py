@@ -218,6 +218,7 @@ def test_a_wrong_program_is_programmed_and_fails_with_its_capture(
     run(project, "--servogen-replay=seen").assert_outcomes(failed=1)
 
 
+@pytest.mark.campaign
 @picpro
 def test_a_chip_that_cannot_be_programmed_is_an_error_and_nothing_is_claimed(
     project: pytest.Pytester,

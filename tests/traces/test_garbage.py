@@ -15,6 +15,7 @@ from servogen.errors import InputError
 from servogen.traces import read_edges
 from servogen.traces.captures import read_capture
 from servogen.units import Clock
+from tests.campaigns import sampled
 
 VCD = (
     b"$timescale 1 us $end\n$scope module top $end\n$var wire 1 ! RB0 $end\n$var reg 8 # bus $end\n"
@@ -75,7 +76,7 @@ def read_or_refuse(read: Callable[[Path], EdgeTrace], name: str, data: bytes) ->
         assert not len(edges.cycle) or 0 <= edges.cycle[0] <= edges.cycle[-1] < trace.end
 
 
-@pytest.mark.parametrize("name", WHOLE)
+@pytest.mark.parametrize("name", sampled(WHOLE))
 @settings(derandomize=True, deadline=None, max_examples=200)
 @given(data=st.data())
 def test_edges(name: str, data: st.DataObject) -> None:
@@ -83,7 +84,7 @@ def test_edges(name: str, data: st.DataObject) -> None:
     read_or_refuse(lambda path: read_edges(path, Clock(4_000_000)), name, contents)
 
 
-@pytest.mark.parametrize("name", CAPTURED)
+@pytest.mark.parametrize("name", sampled(CAPTURED))
 @settings(derandomize=True, deadline=None, max_examples=150)
 @given(data=st.data())
 def test_captures(name: str, data: st.DataObject) -> None:

@@ -14,6 +14,7 @@ from servogen.errors import InputError, Location
 from servogen.traces import SUFFIXES, edge_writer, read_edges, recorded, write_edges
 from servogen.traces.vcd import vcd_times
 from servogen.units import Clock, Cycles
+from tests.campaigns import sampled
 from tests.edges.rows import rows_of
 
 Row = tuple[int, int, int]
@@ -89,7 +90,7 @@ def test_csv_keeps_the_driven_changes(rows: list[Row], cut: int) -> None:
         ]
 
 
-@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("suffix", sampled(SUFFIXES))
 def test_a_file_of_many_blocks_is_read_in_chunks_and_as_often_as_asked(tmp_path: Path, suffix: str) -> None:
     count = 150_000 if suffix == ".jsonl" else 350_000  # more than 4 MiB
     cycle = np.cumsum(np.random.default_rng(7).integers(1, 300, count))

@@ -174,6 +174,7 @@ def test_a_spring_is_a_joint_with_the_stiffness_of_the_file() -> None:
     assert "rigid" not in " ".join(bodies(replace(robot("hexapod"), spring=500.0)).assumptions)
 
 
+@pytest.mark.campaign
 def test_omni_square_closes_and_stays_on_its_way() -> None:
     verdict = firmware((JOBS / "omni-square.toml").read_text()).twin()
     record, rigid = verdict.record, verdict.planned.rigid

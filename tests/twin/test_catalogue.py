@@ -14,6 +14,7 @@ from servogen.robot.servo import ServoModel, servo
 from servogen.robot.servo_models import ORIGINS, figures, names, servo_model
 from servogen.twin import TwinSettings
 from servogen.twin.run import standing
+from tests.campaigns import sampled
 
 PAGE = Path(__file__).parents[2] / "docs" / "servos.md"
 FEW = 24
@@ -29,7 +30,7 @@ def stated(name: str) -> tuple[ServoModel, float, float, float]:
     return model, speed, model.torque_nm or 0.3, model.motor.start_s or 0.01
 
 
-@pytest.mark.parametrize("name", names())
+@pytest.mark.parametrize("name", sampled(names(), 8))
 def test_it_has_the_speed_and_the_torque_of_its_file(name: str) -> None:
     """From rest with a disc on its shaft, a motor whose torque falls evenly from τs at rest to 0 at ω0 has
     the speed ω0 (1 - exp(-t / (T + Jd ω0 / τs))): T is its time constant, Jd the disc's inertia.

@@ -58,6 +58,7 @@ def test_the_command_compares_and_exits_with_0(
     assert rows[0].startswith("time_s,x_mm,y_mm,z_mm,yaw_deg") and len(rows) > 200
 
 
+@pytest.mark.campaign
 def test_a_failing_expectation_exits_with_1_and_says_why(
     job: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -88,6 +88,7 @@ def test_a_broken_gear_is_the_first_cause() -> None:
     assert not any(event.text.startswith("L1-lift saturates") for event in seen.events)
 
 
+@pytest.mark.campaign
 def test_a_supply_that_gives_in_makes_the_rest_not_guaranteed() -> None:
     """Twelve servos that hold a robot of 2.24 kg ask a supply of 3.5 A for more."""
     extra = "\n[supply]\nvoltage_v = 5.0\nresistance_ohm = 0.05\nlimit_a = 3.5\n"
@@ -103,6 +104,7 @@ def test_a_supply_that_gives_in_makes_the_rest_not_guaranteed() -> None:
     assert separate.not_guaranteed_from is None
 
 
+@pytest.mark.campaign
 def test_twelve_stalled_servos_at_a_supply_of_3_5_a() -> None:
     """With 15 kg on its legs the robot lies on the ground, and all its servos push in vain."""
     extra = "\n[supply]\nvoltage_v = 5.0\nresistance_ohm = 0.05\nlimit_a = 3.5\n"
@@ -166,6 +168,7 @@ def test_the_record_can_be_cut_at_any_time(monkeypatch: pytest.MonkeyPatch) -> N
         walking(AHEAD).twin(TwinSettings(seconds=0.505))
 
 
+@pytest.mark.campaign
 def test_at_full_height_the_warning_of_the_plan_is_the_cause() -> None:
     seen = walking(AHEAD, height=140, extra="\n[expect]\nrobot_within_mm = 4\n").twin()
     assert not seen.passed and seen.events == ()
@@ -227,6 +230,7 @@ def test_dry_friction_holds_a_servo_without_pulses() -> None:
     assert way(held) < 0.2 * way(loose)
 
 
+@pytest.mark.campaign
 def test_backlash_is_a_joint_of_its_own_and_changes_the_walk() -> None:
     made = walking(AHEAD, extra=SUPPLIED)
     worn = made.with_motor(backlash=math.radians(3)).twin()

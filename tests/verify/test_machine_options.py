@@ -20,6 +20,7 @@ from servogen.units import Clock, Cycles
 from servogen.workflows.job_build import judged
 from servogen.workflows.power_ups import BOARD
 from servogen.workflows.verification import judge_forever, judge_image
+from tests.campaigns import sampled
 from tests.cli.conftest import Ran, run  # noqa: F401 - a fixture
 
 CASES = Path(__file__).parent
@@ -37,14 +38,17 @@ def schedule_for(folder: Path, device: str | None) -> Path:
 
 @pytest.mark.parametrize(
     ("device", "options", "code"),
-    [
-        (None, (), 0),
-        ("PIC16F84", (), 0),
-        ("PIC16F84A", (), 1),
-        (None, ("--device", "PIC16F84A"), 1),
-        ("PIC16F84A", ("--eeprom-write-us", 10_000), 0),
-        ("PIC16F84", ("--eeprom-write-us", 4_000), 1),
-    ],
+    sampled(
+        [
+            (None, (), 0),
+            ("PIC16F84", (), 0),
+            ("PIC16F84A", (), 1),
+            (None, ("--device", "PIC16F84A"), 1),
+            ("PIC16F84A", ("--eeprom-write-us", 10_000), 0),
+            ("PIC16F84", ("--eeprom-write-us", 4_000), 1),
+        ],
+        4,
+    ),
 )
 @pytest.mark.parametrize("forever", [(), ("--forever",)])
 def test_an_eeprom_write_takes_the_time_of_the_schedules_chip(

@@ -82,6 +82,7 @@ def test_the_server_ends_with_the_command() -> None:
         http.client.HTTPConnection(address.netloc, timeout=60).connect()
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(os.name != "posix", reason="there are no pseudo-terminals here")
 def test_a_slider_moves_a_robot_at_a_port() -> None:
     """The port is one end of a pseudo-terminal; what a robot would receive is read from the other one."""

@@ -110,6 +110,7 @@ def test_the_bodies_are_those_of_a_twin_that_hears_what_was_done_by_hand(on_comm
         assert there[3] == pytest.approx(yaw, abs=1e-4)
 
 
+@pytest.mark.campaign
 def test_a_moment_has_the_same_bodies_whichever_way_it_is_reached(
     walk: Subject, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -18,6 +18,7 @@ from servogen.programs import JOB_SUFFIX, read_schedule
 from servogen.watch.differences import ScheduledEdges
 from servogen.watch.editing import Editor
 from servogen.watch.subject import Setting, load_subject
+from tests.campaigns import sampled
 from tests.watch.browser import Browser, Page, needs_axe, violations
 from tests.watch.serving import Running
 from tests.watch.test_session import captured, walk_capture  # noqa: F401 - a fixture
@@ -225,6 +226,7 @@ def test_captured_pulses_move_the_robot_beside_the_plan(watch: Open, walk_captur
     assert page.run("document.getElementById('hands').offsetParent === null")
 
 
+@pytest.mark.campaign
 def test_the_emergency_stop_of_a_walking_hexapod_shows_in_the_frame(watch: Open, tmp_path: Path) -> None:
     job = tmp_path / "stop.toml"
     job.write_text(
@@ -243,6 +245,7 @@ def test_the_emergency_stop_of_a_walking_hexapod_shows_in_the_frame(watch: Open,
     assert "frame 1" in text(page, "#now")
 
 
+@pytest.mark.campaign
 def test_three_poses_are_recorded_with_sliders_and_built(watch: Open, tmp_path: Path) -> None:
     job = copy(LAB8, tmp_path)
     page = watch(job)
@@ -367,6 +370,7 @@ def bodies(page: Page) -> list[float]:
     return [float(each) for each in found.groups()]
 
 
+@pytest.mark.campaign
 def test_bodies_follow_the_chip_forwards_backwards_and_into_its_emergency_stop(
     watch: Open, tmp_path: Path
 ) -> None:
@@ -580,7 +584,7 @@ def test_the_keyboard_alone_suffices(watch: Open) -> None:
     ]
 
 
-@pytest.mark.parametrize("job", ["lab8-exercise", "hexapod-tripod"])
+@pytest.mark.parametrize("job", sampled(["lab8-exercise", "hexapod-tripod"]))
 def test_a_narrow_page_does_not_scroll_sideways(watch: Open, job: str) -> None:
     page = watch(ROOT / "jobs" / f"{job}.toml", width=390, height=844)
     assert page.run("document.documentElement.scrollWidth") <= 390

@@ -44,6 +44,7 @@ def go(page: Page, seconds: float) -> None:
     page.run(f"({move})(document.getElementById('moment'))")
 
 
+@pytest.mark.campaign
 def test_the_page_of_the_hexapod_is_small_and_fits_a_phone(file: Path, page: Page) -> None:
     assert file.stat().st_size < MAX_BYTES
     assert page.run("document.documentElement.scrollWidth") <= 390

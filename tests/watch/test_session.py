@@ -609,6 +609,7 @@ def frames_of(session: WatchSession, first: int, count: int) -> list[list[int]]:
     return found
 
 
+@pytest.mark.campaign
 def test_a_way_that_is_chosen_is_walked_until_it_is_stopped() -> None:
     of = target()
     session = WatchSession(load_subject(ROOT / "jobs" / "hexapod-command.toml", Setting()))

@@ -21,6 +21,7 @@ from servogen.units import Clock
 from servogen.watch.editing import Editor
 from servogen.watch.serial_listener import SerialListener
 from servogen.watch.subject import Setting, load_subject
+from tests.campaigns import sampled
 from tests.watch.browser import Browser, Page
 from tests.watch.serving import Running
 from tests.watch.test_page import LAB8, NO_TRIS, ROOT, Open, copy, go, painted, text, typed, watch  # noqa: F401
@@ -39,7 +40,7 @@ def point(page: Page, x: float, y: float) -> None:
     page.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
 
 
-@pytest.mark.parametrize(("width", "height", "code"), [(1280, 800, 12.5), (1920, 1080, 16)])
+@pytest.mark.parametrize(("width", "height", "code"), sampled([(1280, 800, 12.5), (1920, 1080, 16)]))
 def test_text_robot_waves_and_hands_share_one_screen_that_is_filled(
     watch: Open,  # noqa: F811
     stop_job: Path,  # noqa: F811
@@ -61,6 +62,7 @@ def test_text_robot_waves_and_hands_share_one_screen_that_is_filled(
     assert page.run("parseFloat(getComputedStyle(document.getElementById('job-text')).fontSize)") == code
 
 
+@pytest.mark.campaign
 def test_on_a_phone_the_emergency_stop_stays_in_sight(watch: Open, stop_job: Path) -> None:  # noqa: F811
     page = watch(stop_job, width=390, height=844)
     for place in (0, 1e6):

@@ -28,6 +28,7 @@ def refused(text: str) -> ServogenError:
     return caught.value
 
 
+@pytest.mark.campaign
 def test_beyond_its_limit_nothing_is_built_and_within_it_all_is() -> None:
     """A Tiny-S turns 0.36° in a µs; the tripod is 1.487 µs from its plan."""
     error = refused(TRIPOD + "max_error_us = 1.3\n")
@@ -92,6 +93,7 @@ def test_shorter_pulses_that_are_said_to_fit_build_once_they_are_in_the_file() -
     assert done.programs[0].firmware.compilation.words == int(found[4])
 
 
+@pytest.mark.campaign
 def test_limits_that_are_said_to_fit_build_once_they_are_in_the_file() -> None:
     """A slot keeps 20 µs beyond the longest pulse unless the servo's limits are narrower."""
     text = job_text(
@@ -267,6 +269,7 @@ poses = [
 """
 
 
+@pytest.mark.campaign
 def test_a_larger_engine_than_the_smallest_says_why() -> None:
     """A law's frames are more than the sequence engine's program can hold; two poses are not."""
     job = plan_job(loads(LAW, "job.toml"))

@@ -100,6 +100,7 @@ def test_a_sequence_with_pauses_and_long_runs_is_exact_too() -> None:
     assert found.exact == [False, True]
 
 
+@pytest.mark.campaign
 def test_a_compiler_whose_delays_are_too_long_needs_more_rounds() -> None:
     """A cycle more for every 588 asked for: the delays of the next C are others, and so is what they cost."""
 

@@ -3,11 +3,12 @@
 import pytest
 
 from servogen.compiler import Options, Source, compile_sources
+from tests.campaigns import sampled
 from tests.compiler.size.measure import HERE, LEVELS, TESTS, before, now, programs, recorded, words
 
 
 @pytest.mark.parametrize("level", LEVELS)
-@pytest.mark.parametrize("name", programs())
+@pytest.mark.parametrize("name", sampled(programs(), 10))
 def test_no_program_grows(name: str, level: str) -> None:
     most = recorded().get(name)
     assert most is not None, "run `python -m tests.compiler.size`"
@@ -37,7 +38,7 @@ def test_what_is_recorded_exists() -> None:
     assert recorded().keys() == programs().keys()
 
 
-@pytest.mark.parametrize("path", sorted(HERE.glob("*.c")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", sampled(sorted(HERE.glob("*.c")), 4), ids=lambda path: path.stem)
 def test_they_compile_without_a_warning(path: object) -> None:
     text = path.read_text()  # type: ignore[attr-defined]
     found = compile_sources([Source(text, "size.c")], Options(dialect=path.name[:3], clock_hz=4_000_000))  # type: ignore[attr-defined]

@@ -193,6 +193,7 @@ def test_a_soft_start_of_more_than_256_frames_before_a_walk_on_command_is_refuse
     )
 
 
+@pytest.mark.campaign
 def test_a_swing_of_more_than_512_frames_on_command_is_refused() -> None:
     """The feet of a tripod are in the air for half a cycle of 20 ms each."""
     planned(plan_job(loads(TEXT.replace("cycle_s = 0.96", "cycle_s = 20"), "job.toml")))

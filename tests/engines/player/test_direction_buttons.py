@@ -432,7 +432,7 @@ def test_every_press_of_one_button_is_proven_and_a_changed_word_refuted() -> Non
     assert refuted.counterexample is not None
 
 
-@pytest.mark.parametrize("gait", ["tripod", "ripple"])
+@pytest.mark.parametrize("gait", sampled(["tripod", "ripple"]))
 def test_one_button_commands_all_four_directions_of_twelve_servos(gait: str) -> None:
     text = (Path(__file__).parents[3] / "jobs" / "hexapod-command.toml").read_text()
     commands = 'commands = { forward_mm = 40, turn_deg = 20, button = "RA4" }'

@@ -158,6 +158,7 @@ def test_a_chain_of_directions_is_read_from_the_eeprom() -> None:
     assert list(problems(made.compilation.image, random_line(np.random.default_rng(8), 1500))) == []
 
 
+@pytest.mark.campaign
 def test_a_program_that_is_too_large_either_way_is_refused_with_both_sizes() -> None:
     ways = ROUTE[: ROUTE.index(", { turn_deg = -20")]
     wave = re.sub(r"route = \[.*\]", f"route = [{ways}]", RIPPLE).replace('"ripple"', '"wave"')

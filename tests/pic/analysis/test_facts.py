@@ -425,6 +425,7 @@ def completed(text: str, start: str, end: str, cycles: int) -> tuple[int, bool]:
     return longest, begun is None
 
 
+@pytest.mark.campaign
 def test_a_clock_of_tmr0_that_only_the_interrupt_selects_counts() -> None:
     """TMR0 overflows inside the interrupt of 300 cycles, which therefore comes again at once, endlessly."""
     work = SELECT.format(8) + " goto $ + 1\n" * 140 + SELECT.format(7)
