@@ -97,6 +97,7 @@ def test_the_action_builds_and_proves_jobs(tmp_path: Path) -> None:
     assert "exact" in (tmp_path / "summary.md").read_text()
 
 
+@pytest.mark.campaign
 def test_the_action_proves_a_program_for_all_time(tmp_path: Path) -> None:
     values = inputs(program=str(LAB8 / "main.hex"), schedule=str(LAB8 / "schedule.json"))
     code, out, ran = act(tmp_path, values)

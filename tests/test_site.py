@@ -96,6 +96,7 @@ def test_the_site_is_made_without_a_warning(tmp_path: Path) -> None:
     assert "<h1" in (tmp_path / "site" / "index.html").read_text("utf-8")
 
 
+@pytest.mark.campaign
 @mkdocs
 def test_links_that_lead_nowhere_fail_the_site(tmp_path: Path) -> None:
     """A page that is not there, and a heading that is not on its page."""

@@ -344,6 +344,7 @@ def test_what_is_not_a_schedule_is_bad_input(text: bytes) -> None:
         read_plan(text, "schedule.json")
 
 
+@pytest.mark.campaign
 def test_every_mutant_of_a_certificate_is_refused_or_equivalent() -> None:
     """Many more: `python -m tests.prove.certificate_mutants`."""
     image, schedule = certify.button_program(), certify.schedule(STOP)

@@ -233,6 +233,7 @@ def test_what_cannot_be_walked_is_refused_with_why(
     assert message in done.err
 
 
+@pytest.mark.campaign
 def test_gait_draws_the_same_picture_twice(run: Run, tmp_path: Path) -> None:
     for name in ("a.png", "b.png"):
         told(run, "--plot", tmp_path / name)

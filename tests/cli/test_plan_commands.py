@@ -97,6 +97,7 @@ def test_plan_draws_the_same_picture_twice(run: Run, tmp_path: Path) -> None:
     assert one == two
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("suffix", ("svg", "pdf"))
 def test_pictures_of_lines_are_the_same_twice_too(run: Run, tmp_path: Path, suffix: str) -> None:
     for name in ("a", "b"):

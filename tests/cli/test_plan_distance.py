@@ -5,6 +5,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from servogen.traces import read_edges
 from servogen.traces.captures import capture_writer
 from servogen.units import Clock, Cycles
@@ -86,6 +88,7 @@ def test_a_capture_says_it_in_its_first_line(run: Run, lab8: Path) -> None:
     assert LAB8_DISTANCE in capture
 
 
+@pytest.mark.campaign
 def test_the_tables_and_json_of_build_and_demo_have_it(run: Run, tmp_path: Path) -> None:
     job = ROOT / "jobs" / "lab8-exercise.toml"
     ran = run("build", job, "-o", tmp_path / "one")

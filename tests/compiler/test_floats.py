@@ -44,6 +44,7 @@ def test_an_operation_gives_what_ieee_754_requires(operation: Operation, width: 
     assert list(mistakes(operation, width, count, seed=7)) == []
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 def test_random_programs_leave_what_gccs_code_leaves() -> None:
     programs = [generate(seed) for seed in range(6)]

@@ -87,6 +87,7 @@ def test_the_keys_are_beside_those_that_steer() -> None:
     ]
 
 
+@pytest.mark.campaign
 def test_keys_of_a_terminal_jog_the_robot_and_show_the_servo(start: Start, serial: Serial) -> None:
     master, slave = os.openpty()
     try:

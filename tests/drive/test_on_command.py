@@ -188,6 +188,7 @@ def test_time_is_real_for_a_person_or_a_robot_and_only_a_terminals_state_stays_o
             assert shown.splitlines()[:2] == texts
 
 
+@pytest.mark.campaign
 def test_commands_from_a_pipe_drive_the_simulated_chip(start: Start) -> None:
     code, out, err = piped(start, "back\nwait 3\nstop\nwait 3\n", "--keys", "--json")
     assert code == 0, err
@@ -236,6 +237,7 @@ def read_until(descriptor: int, wanted: bytes, seconds: float = 30) -> bytes:
     return data
 
 
+@pytest.mark.campaign
 def test_keys_of_a_terminal_are_sent_to_a_port_and_the_terminal_is_restored(start: Start) -> None:
     """A port at 50 baud, whose bits last a frame: each code twice, and a stop at the end."""
     with terminal() as (master, slave), terminal() as (robot, port):

@@ -166,6 +166,7 @@ def test_a_long_message_is_cut() -> None:
     assert max(map(len, text.splitlines())) == 502
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(("locale", "tables"), sampled([("C.UTF-8", False), ("C", True)]))
 def test_names_that_are_not_utf8_work(tmp_path: Path, locale: str, tables: bool) -> None:
     """In the table, in JSON, as pages and in a compiler's message."""

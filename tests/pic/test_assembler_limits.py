@@ -211,6 +211,7 @@ def test_a_hundred_errors_are_shown() -> None:
     assert len(said(wrong * (MAX_ERRORS + 5))) == MAX_ERRORS
 
 
+@pytest.mark.campaign
 def test_turns_of_all_loops_together_have_a_limit() -> None:
     """16384 turns: sixteen loops of 1023 and 16 more."""
     loops = "i = 0\n while i < .1023\ni++\n endw\n" * 16

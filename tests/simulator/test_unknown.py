@@ -333,6 +333,7 @@ def test_noise_on_floating_pins_changes_nothing_before_the_first_use() -> None:
         assert edges_before(program, end, SimulatorOptions(), noise) == same, seed
 
 
+@pytest.mark.campaign
 def test_taking_regions_in_one_step_finds_the_same_first_use() -> None:
     for seed in range(IMAGES):
         for program in (prepared_image(seed), tame_image(seed)):

@@ -52,6 +52,7 @@ def test_there_are_ten_examples() -> None:
     assert set(TESTS) == {f"test_{name}.py" for name in NAMES}
 
 
+@pytest.mark.campaign
 def test_all_examples_pass_on_the_simulated_chip(pytester: pytest.Pytester) -> None:
     """And the test at the top of the page, of a program that blinks RB0."""
     first = re.findall(r"^```python\n(.*?)^```", PAGE, re.M | re.S)[0]

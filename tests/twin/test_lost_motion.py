@@ -19,6 +19,7 @@ def share_of_way(compensate: bool) -> float:
     return seen.done[0] / float(seen.planned.rigid[-1, 0])
 
 
+@pytest.mark.campaign
 def test_the_ripple_at_110_mm_goes_95_to_102_percent_of_its_way() -> None:
     assert 0.95 <= share_of_way(True) <= 1.02
 

@@ -65,6 +65,7 @@ def frame_too_short() -> ServogenError:
     return refused(too_long(10, 178))
 
 
+@pytest.mark.campaign
 def test_a_period_that_is_said_to_fit_does_and_a_shorter_one_does_not() -> None:
     error, text = frame_too_short(), too_long(10, 178)
     assert error.code == "frame-too-short" and error.hint is not None
@@ -285,6 +286,7 @@ def test_a_larger_engine_than_the_smallest_says_why() -> None:
     assert not [note for note in planned(easy).job.notes if note.code == "engine-chosen"]
 
 
+@pytest.mark.campaign
 def test_the_advice_for_one_engine_counts_no_bytes_of_another() -> None:
     job = plan_job(loads(LAW + '[firmware]\nengine = "sequence"\n', "job.toml"))
     found = advice.advised(job, ResourceError("does-not-fit", "too large"))

@@ -1,8 +1,9 @@
 """Runs the installed picpro in this Python, on ports without modem lines too.
 
 picpro resets the programmer by DTR, and waits for it and its answer, nearly a second at each command. A
-pseudo-terminal has no such line and refuses; there nothing is reset, and picpro goes on at once. And `dump config` writes the
-programmer's answer itself, because picpro 0.3.0 fails when it writes the answer that it has decoded.
+pseudo-terminal has no such line and refuses; there nothing is reset, and picpro goes on at once. And
+`dump config` writes the programmer's answer itself, because picpro 0.3.0 fails when it writes the answer
+that it has decoded.
 """
 
 from __future__ import annotations

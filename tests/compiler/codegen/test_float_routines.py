@@ -5,6 +5,8 @@ from __future__ import annotations
 import random
 from itertools import product
 
+import pytest
+
 from servogen.compiler.ast.nodes import EQUAL, GREATER, LESS
 from servogen.compiler.codegen.float_routines import build_float, integer_places, second_operand, shared
 from servogen.compiler.ir.instruction import Byte
@@ -66,6 +68,7 @@ def ties(width: int) -> list[tuple[int, int]]:
     return [*both, *((b, a) for a, b in both)]
 
 
+@pytest.mark.campaign
 @every("size", [3, 4])
 @every(("kind", "op"), [("float_add", "+"), ("float_multiply", "*"), ("float_divide", "/")])
 def test_two_operands(kind: str, op: str, size: int) -> None:

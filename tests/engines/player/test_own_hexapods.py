@@ -61,6 +61,7 @@ def calibrated() -> Build:
     return build(plan_job(loads(own, "job.toml")))
 
 
+@pytest.mark.campaign
 def test_a_walk_and_a_turn_with_servos_calibrated_one_by_one_is_within_five_microseconds() -> None:
     made = calibrated()
     error = made.plan.schedule.plan_error
@@ -71,6 +72,7 @@ def test_a_walk_and_a_turn_with_servos_calibrated_one_by_one_is_within_five_micr
         assert program.firmware.compilation.words <= 950
 
 
+@pytest.mark.campaign
 def test_the_c_between_the_frames_of_a_walk_and_a_turn_has_its_bound() -> None:
     for program in calibrated().programs:
         _, frames = program.firmware.timing_budgets

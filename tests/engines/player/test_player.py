@@ -91,6 +91,7 @@ def test_after_power_up_no_pin_is_high_before_its_first_pulse_and_none_is_short(
         assert set(widths(chunk, PINS.index(channel.pin))) == {1500}
 
 
+@pytest.mark.campaign
 def test_thirteen_servos_that_sweep_across_each_other_are_exact() -> None:
     # Ten minutes of the same: python -m tests.engines.player.player_jobs.
     done = built_text(job_text(13, sweep(13, 2.56), firmware="soft_start_s = 0.32"))

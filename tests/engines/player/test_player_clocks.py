@@ -39,7 +39,7 @@ def text(
     )
 
 
-@pytest.mark.parametrize(("mhz", "servos", "tick"), sampled(TABLE, 3))
+@pytest.mark.parametrize(("mhz", "servos", "tick"), sampled(TABLE))
 def test_every_edge_is_exact(mhz: int, servos: int, tick: int) -> None:
     done = built_text(text(mhz, servos))
     played = play(done.job)[1]

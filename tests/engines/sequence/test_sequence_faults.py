@@ -10,6 +10,7 @@ from servogen.simulator import Machine, SimulatorOptions
 from servogen.units import Cycles
 from servogen.workflows.job_build import Build, BuiltProgram
 from servogen.workflows.verification import judge_edges
+from tests.campaigns import sampled
 from tests.engines.player.player_jobs import built
 from tests.engines.player.test_player_faults import WDT_ON
 
@@ -29,7 +30,7 @@ def watched(done: Build, program: BuiltProgram, watchdog_us: int, frames: int) -
     return machine, EdgeTrace(schedule.clock, machine.stream(limit), limit)
 
 
-@pytest.mark.parametrize("name", ["lab8-exercise", "lab9-exercise", "lab9-program", "omni-square"])
+@pytest.mark.parametrize("name", sampled(["lab8-exercise", "lab9-exercise", "lab9-program", "omni-square"]))
 def test_a_watchdog_that_was_left_on_changes_no_edge(name: str) -> None:
     done = built(name)
     for program in done.programs:

@@ -121,6 +121,7 @@ def test_behind_its_last_word_a_program_goes_on_at_its_first(last: str) -> None:
     assert dict(answer.numbers) == {"minimum_cycles": measured, "maximum_cycles": measured}
 
 
+@pytest.mark.campaign
 def test_the_programs_of_the_law_reach_its_bounds() -> None:
     """A law of loose bounds proves little: some run must reach each of them exactly."""
     stack = least = most = unwritten = decided = 0
