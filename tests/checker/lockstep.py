@@ -183,7 +183,7 @@ def contained(s: chip.Ints, state: MachineState, phase: int, seed: int) -> None:
         cell, value = int(s[slot]), concrete(state, slot)
         used = USED.get(slot, 0xFF)
         if slot == layout.INTCON:
-            cell |= 0x300 if s[layout.TMR0] >> 8 == 0 else 0x700
+            cell |= 0x400 if s[layout.TMR0] >> 8 else 0
         if cell >> 16:
             assert (cell + phase) & 0xFF == value, f"seed {seed}: slot {slot:#x}"
         else:
