@@ -205,6 +205,9 @@ def test_a_kernel_whose_lock_or_loops_are_changed_has_no_theorem() -> None:
         (encode("BSF", f=3, b=5), "BSF at 0x{:03X} is not followed"),
         (encode("BSF", f=0, b=3), "BSF at 0x{:03X} is not followed"),
         (encode("BTFSC", f=0x4F, b=0), "0x{:03X} tests what is not the kernel's"),
+        (encode("BTFSC", f=5, b=0), "0x{:03X} tests what is not the kernel's"),
+        (encode("CLRF", f=1), "0x{:03X} writes the timer"),
+        (encode("INCF", f=1, d=1), "0x{:03X} writes the timer"),
     ],
 )
 def test_a_kernel_with_a_word_that_is_not_followed_has_no_theorem(word: int, message: str) -> None:
@@ -216,6 +219,39 @@ def test_a_kernel_with_a_word_that_is_not_followed_has_no_theorem(word: int, mes
         other = changed(listing, lambda words, at=at: words.update({at: word}))  # type: ignore[misc]
         with pytest.raises(KernelChanged, match=f"^{message.format(at)}$"):
             allowances(other, played.layout)  # type: ignore[attr-defined]
+
+
+def test_a_kernel_with_other_pulses_or_without_an_end_has_no_theorem() -> None:
+    """Each write of the port is needed as it is: W, which is a mask, or 0."""
+    listing = simple().compilation.listing
+    _, played = _played()
+    words = {row.address: row.word for row in listing.rows}
+    writes = encode("MOVWF", f=0), encode("CLRF", f=0)
+    mutants = [
+        ({at: word}, r"^a pulse of \d+ cycles lasts (\d+|None)$")
+        for at in range(listing.label("pl_poll"), listing.label(DONE))
+        if words[at] in writes
+        for word in {*writes, encode("NOP")} - {words[at]}
+    ]
+    assert len(mutants) == 2 * 14
+    circle = listing.label("pl_loops")
+    mutants.append(({circle: encode("GOTO", k=circle)}, r"^it does not end$"))
+    for changes, message in mutants:
+        other = changed(listing, lambda words, changes=changes: words.update(changes))  # type: ignore[misc]
+        with pytest.raises(KernelChanged, match=message):
+            allowances(other, played.layout)  # type: ignore[attr-defined]
+
+
+def test_the_allowances_are_the_smallest_of_all_pairs_of_slots() -> None:
+    listing = simple().compilation.listing
+    _, played = _played()
+    layout = played.layout  # type: ignore[attr-defined]
+    three = replace(layout, slots=layout.slots[:3])
+    pairs = [allowances(listing, replace(layout, slots=pair))[0] for pair in pairwise(three.slots)]
+    assert len({*pairs}) > 1, "they differ"
+    smallest = allowances(listing, three)[0]
+    assert smallest.same_edges == min(pair.same_edges for pair in pairs)
+    assert smallest.late_is_seen == min(pair.late_is_seen for pair in pairs)
 
 
 def test_the_words_behind_the_pulses_restore_what_the_next_slot_needs() -> None:

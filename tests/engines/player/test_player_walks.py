@@ -39,10 +39,7 @@ from servogen.engines.player.script import (
     StepTiming,
     timing,
 )
-from servogen.engines.player.theorem import LAST_WORDS, Allowance, KernelChanged, _Kernel, _Pulses, _smallest
 from servogen.motion.gait.footwork import bump, swing_share
-from servogen.pic.device import addresses
-from servogen.pic.isa import encode
 from servogen.units import Cycles
 
 
@@ -380,116 +377,6 @@ def test_the_kernel_waits_for_three_ticks(tick: int, stagger: int) -> None:
     text = kernel(Cycles(tick), Cycles(stagger))
     assert text == kernel(Cycles(tick), Cycles(stagger)) and text != kernel(Cycles(tick), Cycles(stagger + 1))
     assert text != kernel(Cycles(128), Cycles(stagger))
-
-
-# the kernel's theorem
-
-
-def test_the_smallest_allowance_of_several() -> None:
-    found = _smallest([Allowance(Cycles(5), Cycles(90)), Allowance(Cycles(7), Cycles(80))])
-    assert found == Allowance(Cycles(5), Cycles(80))
-
-
-def test_a_pulse_lasts_from_its_rise_to_its_fall() -> None:
-    def compared(writes: tuple[tuple[int, int], ...], one: int, other: int) -> str:
-        bare: Any = _Kernel.__new__(_Kernel)
-        try:
-            _Kernel._compare(bare, _Pulses(writes, 0), one, other)
-        except KernelChanged as error:
-            return str(error)
-        return ""
-
-    right = ((100, 3), (300, 2), (400, 0))
-    assert compared(right, 200, 300) == ""
-    assert compared(right, 201, 300) == "a pulse of 201 cycles lasts 200"
-    assert compared(right, 200, 299) == "a pulse of 299 cycles lasts 300"
-    # The second pin later, by a stagger.
-    assert compared(((100, 1), (132, 3), (300, 2), (432, 0)), 200, 300) == ""
-    assert compared(((100, 3), (300, 2)), 200, 300) == "a pulse of 300 cycles lasts None"
-    assert compared((), 200, 300) == "a pulse of 200 cycles lasts None"
-
-
-VARIABLES = (
-    "pulse_a_lo", "pulse_a_hi", "pulse_b_lo", "pulse_b_hi", "mask_a", "mask_b", "both", "port", "target",
-    "ahead",
-)  # fmt: skip
-AT = {name: 0x20 + number for number, name in enumerate(VARIABLES)}
-OVERRUN = 0x3F
-INDF, TMR0, STATUS, FSR, PORTA, PORTB = addresses("INDF", "TMR0", "STATUS", "FSR", "PORTA", "PORTB")
-TO_THE_PORT = [encode("MOVLW", k=PORTB), encode("MOVWF", f=FSR)]
-
-
-def kernel_of(*words: int, check: int = 0, tick: int = 4) -> _Kernel:
-    """A kernel of these words behind the two that point to the port; its end is behind the last."""
-    program = [*TO_THE_PORT, *words]
-    end = [encode("NOP")] * LAST_WORDS
-    labels = {"pl_check": check, "pl_poll": check, "pl_done": len(program)}
-    listing: Any = SimpleNamespace(
-        rows=[SimpleNamespace(address=at, word=word) for at, word in enumerate([*program, *end])],
-        variables=[(at, name, 1) for name, at in (AT | {"overrun": OVERRUN}).items()],
-        functions=[SimpleNamespace(name="pulses", start=0)],
-        label=labels.__getitem__,
-    )
-    return _Kernel(listing, SlotLayout((), Cycles(tick)))
-
-
-def written(*words: int, arrival: int = 0, **options: int) -> _Pulses:
-    return kernel_of(*words, **options)._run(0x1234, 0x5678, arrival)
-
-
-def test_the_kernel_is_run_with_both_widths_and_their_pins() -> None:
-    copies = [word for at in AT.values() for word in (encode("MOVF", f=at), encode("MOVWF", f=INDF))]
-    found = written(*copies)
-    assert [value for _, value in found.writes] == [0x34, 0x12, 0x78, 0x56, 1, 2, 3, PORTB, 200, 100]
-    # The kernel's check is its first word here: its tick is a cycle after it.
-    assert [cycle for cycle, _ in found.writes] == list(range(2, 22, 2))
-    assert found.end == len(copies) + 2 - 1
-
-
-@pytest.mark.parametrize("arrival", [0, 3])
-def test_the_kernel_s_cycles_are_those_of_its_instructions(arrival: int) -> None:
-    """Jumps and skips take two; only a write that changes the port is one, and a clear sets Z."""
-    found = written(
-        encode("MOVF", f=TMR0),  # 2, which the timer is checked by
-        encode("MOVLW", k=3),
-        encode("MOVWF", f=INDF),  # in cycle 4
-        encode("MOVWF", f=INDF),
-        encode("BTFSS", f=AT["mask_a"], b=0),  # in cycle 6, skips
-        encode("CLRF", f=INDF),
-        encode("GOTO", k=10),  # in cycle 8
-        encode("CLRF", f=INDF),
-        encode("CLRF", f=INDF),  # in cycle 10
-        encode("BTFSS", f=STATUS, b=2),  # Z: skips
-        encode("MOVWF", f=INDF),
-        encode("BTFSC", f=AT["mask_a"], b=0),  # in cycle 13, does not skip
-        encode("MOVWF", f=INDF),  # in cycle 14
-        check=2,
-        arrival=arrival,
-    )
-    begin = 3 + arrival
-    assert found == _Pulses(((4 - begin, 3), (10 - begin, 0), (14 - begin, 3)), 15 - begin)
-
-
-@pytest.mark.parametrize(("arrival", "tick"), [(0, 4), (4, 4), (1, 32)])
-def test_the_kernel_reads_the_timer_as_it_counts(arrival: int, tick: int) -> None:
-    """From the target on since the tick that it waits for, one more every tick; one less before."""
-    reads = [encode("MOVF", f=TMR0), encode("MOVWF", f=INDF)] * 10
-    found = written(*reads, check=2, arrival=arrival, tick=tick)
-    begin = 3 + arrival
-    values = [(read + 1 - begin, 200 + (read - begin) // tick) for read in range(2, 22, 2)]
-    changes = [one for one, before in zip(values, [(0, 0), *values], strict=False) if one[1] != before[1]]
-    assert list(found.writes) == changes
-
-
-def test_what_is_no_kernel_is_refused_where_it_is_seen() -> None:
-    for words, message in (
-        ([encode("CLRF", f=TMR0)], "0x002 writes the timer"),
-        ([encode("INCF", f=TMR0, d=1)], "0x002 writes the timer"),
-        ([encode("NOP"), encode("BTFSC", f=PORTA, b=0)], "0x003 tests what is not the kernel's"),
-        ([encode("GOTO", k=2)], "it does not end"),
-    ):
-        with pytest.raises(KernelChanged, match=message):
-            written(*words)
 
 
 # poses
