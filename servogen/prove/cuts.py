@@ -124,14 +124,14 @@ def choose_cuts(
         count = max((len(places) for places in live[: len(live) // 2]), default=1 << 20)
         # After a button was read there are two states for each one before; runs that differ in W are not
         # shared.
-        rank = 2 * walk.sampled > len(walk.pcs) or _needs_w(program, candidate), count
+        rank = 2 * walk.sampled > len(walk.pcs) or needs_w(program, candidate), count
         if rank < fewest:
             best, fewest = [candidate], rank
     walk = _walk(program, transitions, spec, set(best), always, levels, WALKED_FRAMES)
     return {pc: Guess() for pc in best} if walk is None else _guesses(transitions, best, walk)
 
 
-def _needs_w(program: PreparedProgram, pc: int) -> bool:
+def needs_w(program: PreparedProgram, pc: int) -> bool:
     """Return whether the instructions from `pc` on read W before they write it, as far as there is one way.
 
     Calls are followed: a table that is called reads its index in W.

@@ -319,7 +319,7 @@ def test_the_cut_with_the_fewest_live_bytes_is_chosen(monkeypatch: pytest.Monkey
     monkeypatch.setattr(cuts, "_walk", walk)
     monkeypatch.setattr(cuts, "first_edges", lambda *_: (700, {0x33, 0x22}))
     monkeypatch.setattr(cuts, "once_a_frame", lambda *_: [9, 10, 11, 12, 13, 14])
-    monkeypatch.setattr(cuts, "_needs_w", lambda program, pc: pc == 12)
+    monkeypatch.setattr(cuts, "needs_w", lambda program, pc: pc == 12)
     transitions = transitions_of()
     transitions.number(rest(PC=9))
     spec = Specification(schedule(pulse(0, 1000)), None)
@@ -333,3 +333,23 @@ def test_the_cut_with_the_fewest_live_bytes_is_chosen(monkeypatch: pytest.Monkey
     assert cuts.choose_cuts(EMPTY, transitions, with_input, spec, NOTHING) == {0x22: Guess(), 0x33: Guess()}
     monkeypatch.setattr(cuts, "first_edges", lambda *_: None)
     assert cuts.choose_cuts(EMPTY, transitions, with_input, spec, NOTHING) == {}
+
+
+def reads_w_first(*words: int, pc: int = 0) -> bool:
+    return cuts.needs_w(PreparedProgram(Image(dict(enumerate(words)))), pc)
+
+
+def test_w_is_needed_where_it_is_read_before_it_is_written() -> None:
+    f = 0x20
+    for reading in (encode("MOVWF", f=f), encode("ADDLW", k=1), encode("ADDWF", f=f, d=0)):
+        assert reads_w_first(reading)
+    assert not reads_w_first()
+    assert not reads_w_first(encode("MOVLW", k=1)) and not reads_w_first(encode("MOVF", f=f, d=0))
+    assert not reads_w_first(encode("CLRW"))
+    # MOVF to the file does not write W.
+    assert reads_w_first(encode("MOVF", f=f, d=1), encode("MOVWF", f=f))
+    assert reads_w_first(encode("NOP"), encode("GOTO", k=3), encode("MOVLW", k=1), encode("MOVWF", f=f))
+    assert reads_w_first(encode("CALL", k=2), encode("MOVLW", k=1), encode("MOVWF", f=f))
+    assert not reads_w_first(encode("GOTO", k=0)), "a loop"
+    assert not reads_w_first(encode("BTFSS", f=f, b=1), encode("MOVWF", f=f)), "more than one way"
+    assert not reads_w_first(encode("RETURN"), encode("MOVWF", f=f))

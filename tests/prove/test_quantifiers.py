@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import pytest
 
@@ -192,3 +193,88 @@ def test_only_a_proof_over_every_start_reset_and_chip_has_a_certificate() -> Non
 def test_a_start_value_that_no_chip_has_is_refused(name: str, value: int) -> None:
     with pytest.raises(InputError, match=name):
         SimulatorOptions(start=((name, value),))
+
+
+WRITES = " movlw 0x55\n movwf EEADR\n bsf STATUS, RP0\n bsf EECON1, WR\n bcf STATUS, RP0\n"
+PLAIN, WATCHED = Case(EVERYTHING), Case(EVERYTHING, watchdog="ON", clrwdt="clrwdt")
+QUIET = (
+    "the instruction set's table, servogen/pic/isa.py",
+    "timers, ports and resets as docs/simulator.md lists them, with the data sheet's sections",
+    "no servo responds to a pulse of at most 10 cycles before the first frame",
+    "a reset cuts the current pulse short; after it the same holds from the first pulse on",
+    "levels of inputs change between instruction cycles; the crystal is exact",
+    "the EEPROM holds what the file says",
+)
+
+
+@pytest.mark.parametrize(
+    ("case", "over", "options", "more"),
+    [
+        (PLAIN, EVERYTHING, {}, ()),
+        (WATCHED, EVERYTHING, {}, ("no chip's watchdog is faster than 7 ms (DS35007, parameter 31)",)),
+        (
+            WATCHED,
+            Quantifiers(watchdog=False),
+            {"watchdog_us": 18_500},
+            ("the watchdog's period is 18.5 ms",),
+        ),
+        (PLAIN, Quantifiers(watchdog=False), {}, ()),
+        (Case(EVERYTHING, WRITES), EVERYTHING, {}, ("an EEPROM write takes at most 20 ms",)),
+        (
+            Case(EVERYTHING, WRITES),
+            Quantifiers(eeprom_write=False),
+            {"eeprom_write_us": 4500},
+            ("an EEPROM write takes 4.5 ms",),
+        ),
+        (
+            PLAIN,
+            Quantifiers(start=(("w", 10), ("0x0C", 255))),
+            {},
+            ("at power-up w is 0x0A", "at power-up 0x0C is 0xFF"),
+        ),
+        (
+            replace(PLAIN, held=(Input("RA4", 1),)),
+            EVERYTHING,
+            {},
+            ("RA4 is held at 1, as the schedule says: it does not say what another level does",),
+        ),
+        (
+            PLAIN,
+            Quantifiers(tmr0_phase=False),
+            {},
+            ("TMR0 counts from the cycle after OPTION_REG is written",),
+        ),
+    ],
+)
+def test_a_proof_says_what_it_rests_on(
+    case: Case, over: Quantifiers, options: dict[str, Any], more: tuple[str, ...]
+) -> None:
+    found = prove_for_all(case.image, case.schedule, over, SimulatorOptions(**options))
+    assert found.proven and found.assumptions == (*QUIET, *more)
+
+
+def test_without_resets_that_there_are_none_is_assumed() -> None:
+    found = prove_for_all(PLAIN.image, PLAIN.schedule, ONCE)
+    assert found.proven and found.assumptions[3] == "there is no reset after power-on"
+    assert found.assumptions[:3] + found.assumptions[4:] == QUIET[:3] + QUIET[4:]
+
+
+def test_a_proof_counts_its_states_and_runs() -> None:
+    """A frame's state after power-up and in the loop; its runs are at least a frame long, all together."""
+    found = prove_for_all(PLAIN.image, PLAIN.schedule)
+    assert (found.states, len(found.cuts), found.asynchronous) == (2, 1, False)
+    assert sum(node.parent >= 0 for node in found.nodes) == 2
+    assert found.runs > found.states and found.cycles > PERIOD
+
+
+def test_a_program_that_waits_endlessly_makes_no_pulse() -> None:
+    waiting = Case(EVERYTHING, " goto bad\n")
+    found = prove_for_all(waiting.image, waiting.schedule)
+    assert not found.proven and found.counterexample is not None
+    assert found.counterexample.message == "no pulse comes"
+
+
+def test_too_few_states_are_not_enough_and_the_answer_says_where_it_stopped() -> None:
+    found = prove_for_all(PLAIN.image, PLAIN.schedule, max_states=1)
+    assert (found.proven, found.counterexample) == (False, None)
+    assert found.reason == "more than 1 states (address 0x000, 2 states seen, 1 open)"
