@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence, Set
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -14,9 +15,8 @@ from servogen.pic.isa import encode
 from servogen.prove import prover
 from servogen.prove.explore import SearchAnswer, SearchFinding, SearchResult
 from servogen.prove.generalise import Guess
-from servogen.prove.prover import AS_IN_THE_FILE, Proof, _Prover
+from servogen.prove.prover import AS_IN_THE_FILE, Proof, prove_for_all
 from servogen.prove.quantifiers import EVERYTHING, Quantifiers
-from servogen.prove.specification import Specification
 from servogen.prove.tables import UndecidedTrims
 from servogen.prove.trim_pulses import WrongEdge
 from servogen.prove.trims import Trimmed
@@ -31,7 +31,6 @@ from servogen.pulse.schedule import (
     Pulse,
     Run,
 )
-from servogen.simulator import SimulatorOptions
 from servogen.units import Clock, Cycles
 
 SCHEDULE = PulseSchedule(
@@ -46,72 +45,46 @@ REFINE = SearchResult(SearchAnswer.REFINE, [])
 UNDECIDED = SearchResult(
     SearchAnswer.UNDECIDED, [], SearchFinding(0, (), 0, "too many ways", False, 0x12), open_nodes=1
 )
+WRONG = SearchFinding(0, (), 5, "wrong", True, 0x1A)
 
 
 def missing(pc: int) -> SearchResult:
     return SearchResult(SearchAnswer.CUT, [], cut=pc)
 
 
-class Transitions:
-    """What the prover sets and reads of the transitions."""
+def answered(
+    monkeypatch: pytest.MonkeyPatch,
+    results: list[SearchResult],
+    over: Quantifiers = EVERYTHING,
+    written: Sequence[Set[int]] = (frozenset(),),
+    image: Image = Image({5: encode("SLEEP")}),  # noqa: B008 - frozen
+    schedule: PulseSchedule = SCHEDULE,
+) -> tuple[Proof, list[Any]]:
+    """The answer if searches have these results and write these places, and the searches.
 
-    def __init__(self) -> None:
-        self.stops: list[set[int]] = []
-        self.written: set[int] = set()
-        self.runs, self.cycles = 3, 700
+    The last of each goes on for all that follow.
+    """
+    asked: list[Any] = []
 
-    def stop_at(self, stops: Any) -> None:
-        self.stops.append(set(stops))
+    def explorer(*given: Any) -> Any:
+        _, transitions, spec, generaliser, phases, most, _, starts = given
+        search = SimpleNamespace(
+            transitions=transitions, spec=spec, phases=phases, most=most, starts=starts,
+            stops=transitions.stops, cuts={*generaliser.cuts},
+        )  # fmt: skip
+        asked.append(search)
+        assert len(asked) < 100, "it does not end"
+        transitions.written |= written[min(len(asked), len(written)) - 1]
+        search.search = lambda: results[min(len(asked), len(results)) - 1]
+        return search
 
-
-class Chip:
-    watchdog = False
-    released: int = 0
-
-    def power_on(self) -> Any:
-        return "power-on"
-
-    def after_reset(self, written: frozenset[int]) -> Any:
-        return "reset", written
-
-
-def prover_of(
-    monkeypatch: pytest.MonkeyPatch, results: list[SearchResult], **changes: Any
-) -> tuple[Any, list[dict[str, Any]]]:
-    """A prover whose searches have these results, and what they were asked."""
-    asked: list[dict[str, Any]] = []
-
-    class Explorer:
-        def __init__(self, program: Any, transitions: Any, spec: Any, generaliser: Any, *more: Any) -> None:
-            phases, most, _, starts = more
-            asked.append(
-                {"phases": phases, "starts": list(starts), "cuts": set(generaliser.cuts), "most": most}
-            )
-
-        def search(self) -> SearchResult:
-            assert len(asked) < 100, "it does not end"
-            result = results[min(len(asked), len(results)) - 1]
-            one._transitions.written |= written[min(len(asked), len(written)) - 1]
-            return result
-
-    written = changes.pop("written", [set()])
-    monkeypatch.setattr(prover, "Explorer", Explorer)
+    monkeypatch.setattr(prover, "Explorer", explorer)
     monkeypatch.setattr(prover, "choose_cuts", lambda *_: {9: Guess()})
-    monkeypatch.setattr(_Prover, "_unfit_oscillator", lambda self: None)
-    one: Any = _Prover.__new__(_Prover)
-    values = {
-        "_schedule": SCHEDULE, "_quantifiers": EVERYTHING, "_held": {}, "_board": SimulatorOptions(),
-        "_write_us": 20_000, "_chip": Chip(), "_program": SimpleNamespace(eeprom_accesses=frozenset()),
-        "_image": Image({}), "_spec": Specification(SCHEDULE, None), "_cuts": set(),
-        "_transitions": Transitions(),
-        "_always": frozenset({1}), "_max_states": 77, "_tell": None, "_longest": None,
-    }  # fmt: skip
-    for name, value in (values | changes).items():
-        setattr(one, name, value)
-    return one, asked
+    monkeypatch.setattr(prover, "Machine", lambda *_, **keys: SimpleNamespace(chip_dependent=[]))
+    return prove_for_all(image, schedule, over, max_states=77), asked
 
 
-def test_inputs_are_free_only_where_the_schedule_says_what_they_do() -> None:
+def test_inputs_are_free_only_where_the_schedule_says_what_they_do(monkeypatch: pytest.MonkeyPatch) -> None:
     """RA2 is at 1 while nobody presses it."""
     rule = ButtonRule(Input("RA2", 0), None, True, 3)
     plain = replace(SCHEDULE, inputs=(Input("RA2", 1), Input("RB7", 0)))
@@ -122,84 +95,105 @@ def test_inputs_are_free_only_where_the_schedule_says_what_they_do() -> None:
         (replace(plain, buttons=rule), {PINS.index("RA2")}),
         (replace(plain, commands=line), {PINS.index("RA2")}),
     ):
-        for quantifiers in (
-            EVERYTHING,
-            replace(EVERYTHING, inputs=False),
-            replace(EVERYTHING, any_eeprom=True),
-        ):
-            one = _Prover(Image({}), schedule, quantifiers, SimulatorOptions(), lambda *_: None, 7)
-            free = pins is not None and quantifiers is EVERYTHING
-            assert one._held == ({} if free else held)
-            assert one._spec.sampled == (pins if free else frozenset())
+        for over in (EVERYTHING, replace(EVERYTHING, inputs=False)):
+            found, (search,) = answered(monkeypatch, [CLOSED], over, schedule=schedule)
+            free = pins is not None and over is EVERYTHING
+            assert found.held == ({} if free else held)
+            assert search.spec.sampled == (pins if free else frozenset())
 
 
-def test_a_prover_stops_before_what_needs_a_choice_and_runs_as_long_as_pulses_may_be_apart() -> None:
-    words = ("MOVF", {"f": 6, "d": 0}), ("OPTION", {}), ("SLEEP", {}), ("BSF", {"f": 8, "b": 1}), ("NOP", {})
-    image = Image({n: encode(name, **operands) for n, (name, operands) in enumerate(words)})
+def test_a_prover_stops_before_what_needs_a_choice_and_runs_as_long_as_pulses_may_be_apart(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    words = (
+        encode("MOVF", f=6, d=0),
+        encode("OPTION"),
+        encode("SLEEP"),
+        encode("BSF", f=8, b=1),
+        encode("NOP"),
+    )
+    image = Image(dict(enumerate(words)))
     silent = replace(SCHEDULE, loop=(*SCHEDULE.loop, Run(2, (None,))))
-    board = SimulatorOptions(eeprom_write_us=4500)
-    one = _Prover(image, silent, EVERYTHING, board, lambda *_: None, 7)
-    assert one._always == {0, 1, 2, 3}
+    _, (search,) = answered(monkeypatch, [CLOSED], image=image, schedule=silent)
+    assert search.stops == {0, 1, 2, 3, 9}
     # Fifty frames to the first pulse, and twice the longest silence, of three frames.
-    assert one._transitions.limit == 50 * 20_000 + 2 * 3 * 20_000
-    # DS35007, parameter D122: a write takes 20 ms at most.
-    assert (one._write_us, one._longest) == (20_000, 20_000)
-    fixed = _Prover(image, silent, replace(EVERYTHING, eeprom_write=False), board, lambda *_: None, 7)
-    assert (fixed._write_us, fixed._longest) == (4500, None)
-    started = replace(EVERYTHING, start=(("w", 3),))
-    assert _Prover(image, silent, started, board, lambda *_: None, 7)._board.start == (("w", 3),)
+    assert search.transitions.limit == 50 * 20_000 + 2 * 3 * 20_000
 
 
 def test_one_search_is_enough_if_it_closes(monkeypatch: pytest.MonkeyPatch) -> None:
-    one, asked = prover_of(monkeypatch, [CLOSED])
-    found = one.prove()
+    found, (search,) = answered(monkeypatch, [CLOSED])
     assert found.proven and found.cuts == (9,) and found.quantifiers is EVERYTHING
     # After any reset nothing is known of the RAM, and TMR0 begins in four ways.
-    assert asked == [{"phases": 4, "starts": [("reset", frozenset())], "cuts": {9}, "most": 77}]
-    assert one._transitions.stops == [{1, 9}]
+    assert (search.phases, search.most, search.cuts, search.stops) == (4, 77, {9}, {5, 9})
+    assert search.starts == [search.transitions.chip.after_reset(frozenset())]
 
 
 def test_a_missing_cut_is_added_up_to_twelve_times(monkeypatch: pytest.MonkeyPatch) -> None:
-    one, asked = prover_of(monkeypatch, [missing(20), missing(21), CLOSED])
-    found = one.prove()
+    found, asked = answered(monkeypatch, [missing(20), missing(21), CLOSED])
     assert found.proven and found.cuts == (9, 20, 21)
-    assert [each["cuts"] for each in asked] == [{9}, {9, 20}, {9, 20, 21}]
-    assert one._transitions.stops[-1] == {1, 9, 20, 21}
-    one, asked = prover_of(monkeypatch, [missing(20 + n) for n in range(20)])
-    found = one.prove()
+    assert [search.cuts for search in asked] == [{9}, {9, 20}, {9, 20, 21}]
+    assert asked[-1].stops == {5, 9, 20, 21}
+    found, asked = answered(monkeypatch, [missing(20 + n) for n in range(20)])
     assert len(asked) == 13 and not found.proven
     assert found.reason.startswith("the cut points do not suffice")
 
 
 def test_a_wrong_guess_is_refined_up_to_sixty_times(monkeypatch: pytest.MonkeyPatch) -> None:
-    one, asked = prover_of(monkeypatch, [REFINE] * 60 + [CLOSED])
-    assert one.prove().proven and len(asked) == 61
-    one, asked = prover_of(monkeypatch, [REFINE])
-    assert not one.prove().proven and len(asked) == 61
-    one, asked = prover_of(monkeypatch, [UNDECIDED])
-    assert one.prove().reason == "too many ways (address 0x012, 0 states seen, 1 open)" and len(asked) == 1
+    for results, proven, count in (([REFINE] * 60 + [CLOSED], True, 61), ([REFINE], False, 61)):
+        found, asked = answered(monkeypatch, results)
+        assert (found.proven, len(asked)) == (proven, count)
+    found, asked = answered(monkeypatch, [UNDECIDED])
+    assert found.reason == "too many ways (address 0x012, 0 states seen, 1 open)" and len(asked) == 1
 
 
 def test_start_values_hold_only_where_the_program_never_writes(monkeypatch: pytest.MonkeyPatch) -> None:
     known = Quantifiers(start=(("ram", 0),))
     written = [{3}, {3, 4}, {3, 4}]
-    one, asked = prover_of(monkeypatch, [CLOSED], _quantifiers=known, written=written)
-    assert one.prove().proven
+    found, asked = answered(monkeypatch, [CLOSED], known, written)
+    assert found.proven
     # What runs have written is unknown after a reset; once nothing is added, that is the proof.
-    assert [each["starts"] for each in asked] == [
-        ["power-on", ("reset", frozenset(places))] for places in (set(), {3}, {3, 4})
+    chip = asked[0].transitions.chip
+    assert [search.starts for search in asked] == [
+        [chip.power_on(), chip.after_reset(frozenset(places))] for places in (set(), {3}, {3, 4})
     ]
-    one, asked = prover_of(monkeypatch, [CLOSED], written=written)
-    assert one.prove().proven and len(asked) == 1, "without start values, all of the RAM is unknown"
+    found, asked = answered(monkeypatch, [CLOSED], written=written)
+    assert found.proven and len(asked) == 1, "without start values, all of the RAM is unknown"
     quiet = Quantifiers(start=(("ram", 0),), resets=False, tmr0_phase=False)
-    one, asked = prover_of(monkeypatch, [CLOSED], _quantifiers=quiet)
-    assert one.prove().proven
-    assert asked[0]["starts"] == ["power-on"] and asked[0]["phases"] == 1
+    found, (search,) = answered(monkeypatch, [CLOSED], quiet)
+    assert found.proven and (search.starts, search.phases) == ([search.transitions.chip.power_on()], 1)
+
+
+@pytest.mark.parametrize(
+    ("result", "message"),
+    [
+        (
+            SearchResult(SearchAnswer.VIOLATED, [], WRONG, open_nodes=2),
+            "wrong (address 0x01A, 0 states seen, 2 open)",
+        ),
+        (SearchResult(SearchAnswer.VIOLATED, [], replace(WRONG, certain=False)), ""),
+        (SearchResult(SearchAnswer.UNDECIDED, [], WRONG), ""),
+    ],
+)
+def test_only_a_certain_violation_is_looked_for_on_a_plain_chip(
+    result: SearchResult, message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looked: list[SearchFinding] = []
+    shown: list[Any] = [None, object()]
+
+    def concrete(case: Any, nodes: Any, finding: SearchFinding) -> Any:
+        looked.append(finding)
+        return shown[len(looked) - 1]
+
+    monkeypatch.setattr(prover, "concrete", concrete)
+    found, _ = answered(monkeypatch, [result])
+    assert not found.proven and found.counterexample is None
+    assert found.reason == (message or "wrong (address 0x01A, 0 states seen, 0 open)")
+    assert looked == ([WRONG] if message else [])
+    found, _ = answered(monkeypatch, [result])
+    assert not found.proven and found.counterexample is (shown[1] if message else None)
 
 
 # any EEPROM
-
-PLAIN = Proof(True, None, "", ("this", AS_IN_THE_FILE, "that"), EVERYTHING, 3, 10, Cycles(5))
 
 
 class Trials:
@@ -220,76 +214,67 @@ class Trials:
         return self.search_shows
 
 
-def any_eeprom(monkeypatch: pytest.MonkeyPatch, outcome: Any, plain: Proof = PLAIN) -> Proof:
-    class Search:
-        def __init__(self, *arguments: Any) -> None:
-            pass
+def any_eeprom(
+    monkeypatch: pytest.MonkeyPatch, outcome: Trimmed | Exception, result: SearchResult = CLOSED
+) -> tuple[Proof, list[Any]]:
+    """The answer for any EEPROM if the search has this result, and the proof of trims this one."""
+    asked: list[Any] = []
 
-        def prove(self, starts: Any) -> Trimmed:
-            assert starts == ["start", frozenset({7})]
+    def trim_proof(*arguments: Any) -> Any:
+        def prove(starts: Any) -> Trimmed:
+            asked.append(starts)
             if isinstance(outcome, Exception):
                 raise outcome
-            assert isinstance(outcome, Trimmed)
             return outcome
 
-    one, _ = prover_of(monkeypatch, [CLOSED])
+        return SimpleNamespace(prove=prove)
+
     monkeypatch.setattr(prover, "TrimSearch", Trials)
-    monkeypatch.setattr(prover, "TrimProof", Search)
-    monkeypatch.setattr(prover, "AbstractChip", lambda *_: SimpleNamespace(released=0))
+    monkeypatch.setattr(prover, "TrimProof", trim_proof)
     monkeypatch.setattr(prover, "rising_addresses", lambda *_: frozenset())
-    monkeypatch.setattr(_Prover, "_assumptions", lambda self: PLAIN.assumptions)
-    monkeypatch.setattr(prover, "starts_of", lambda chip, over, written: ["start", written])
-    found = one._any_eeprom(plain, SimpleNamespace(), frozenset({7}))
-    assert isinstance(found, Proof)
-    return found
+    found, searches = answered(monkeypatch, [result], Quantifiers(any_eeprom=True))
+    assert all(starts == searches[0].starts for starts in asked)
+    return found, asked
 
 
 def test_a_proof_for_any_eeprom_names_the_trims_in_place_of_the_file(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = any_eeprom(monkeypatch, Trimmed({0: 5}, 200, 4))
-    assert found.proven and found.runs == 210
-    assert found.assumptions[:2] == ("this", "that") and len(found.assumptions) == 3
-    assert found.assumptions[2].endswith("byte 5 of RB0")
+    plain, _ = answered(monkeypatch, [CLOSED])
+    found, _ = any_eeprom(monkeypatch, Trimmed({0: 5}, 200, 4))
+    assert found.proven and found.runs == plain.runs + 200
+    assert set(plain.assumptions) - set(found.assumptions) == {AS_IN_THE_FILE}
+    (trims,) = set(found.assumptions) - set(plain.assumptions)
+    assert trims.endswith("byte 5 of RB0")
 
 
 def test_what_is_wrong_with_some_eeprom_is_shown_or_not_decided(monkeypatch: pytest.MonkeyPatch) -> None:
     wrong = WrongEdge("the fall is off", {5: 0x41}, 3)
-    found = any_eeprom(monkeypatch, wrong)
-    assert (found.proven, found.reason) == (False, "any EEPROM: the fall is off (frame 3)")
-    assert Trials.last.asked == [{5: 0x41}]  # type: ignore[attr-defined]
-    found = any_eeprom(monkeypatch, UndecidedTrims("the watchdog is on"))
-    assert (found.proven, found.reason) == (False, "any EEPROM: the watchdog is on")
-    assert Trials.last.asked == [{}]  # type: ignore[attr-defined]
+    for outcome, reason, suspect in (
+        (wrong, "any EEPROM: the fall is off (frame 3)", {5: 0x41}),
+        (UndecidedTrims("the watchdog is on"), "any EEPROM: the watchdog is on", {}),
+    ):
+        found, _ = any_eeprom(monkeypatch, outcome)
+        assert (found.proven, found.reason) == (False, reason)
+        assert Trials.last.asked == [suspect]  # type: ignore[attr-defined]
     shown: Any = object()
     monkeypatch.setattr(Trials, "search_shows", shown)
-    found = any_eeprom(monkeypatch, wrong)
+    found, _ = any_eeprom(monkeypatch, wrong)
     assert (found.proven, found.reason, found.counterexample) == (False, "", shown)
-    monkeypatch.setattr(Trials, "erased_shows", "erased")
-    found = any_eeprom(monkeypatch, Trimmed({}, 1, 1))
-    assert (found.proven, found.counterexample) == (False, "erased")
+    monkeypatch.setattr(Trials, "erased_shows", shown)
+    found, asked = any_eeprom(monkeypatch, Trimmed({}, 1, 1))
+    assert (found.proven, found.counterexample, asked) == (False, shown, [])
 
 
 def test_other_interrupts_than_the_timer_s_are_not_decided_for_any_eeprom(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    found = any_eeprom(monkeypatch, Trimmed({0: 5}, 200, 4), replace(PLAIN, asynchronous=True))
+    found, asked = any_eeprom(monkeypatch, Trimmed({0: 5}, 200, 4), replace(CLOSED, asynchronous=True))
     assert (found.proven, found.reason) == (False, "any EEPROM: something other than TMR0 interrupts")
+    assert not asked
 
 
 def test_only_what_is_proven_is_asked_about_any_eeprom(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked = []
-
-    def more(self: Any, plain: Proof, generaliser: Any, written: frozenset[int]) -> str:
-        asked.append((plain.proven, written))
-        return "the answer"
-
-    monkeypatch.setattr(_Prover, "_any_eeprom", more)
-    every = Quantifiers(any_eeprom=True)
-    one, _ = prover_of(monkeypatch, [CLOSED], _quantifiers=every)
-    assert one.prove() == "the answer" and asked == [(True, frozenset())]
-    one, _ = prover_of(monkeypatch, [UNDECIDED], _quantifiers=every)
-    assert one.prove().reason.startswith("too many ways") and len(asked) == 1
-    one, _ = prover_of(monkeypatch, [CLOSED])
-    assert one.prove().proven and len(asked) == 1
+    found, asked = any_eeprom(monkeypatch, Trimmed({}, 1, 1), UNDECIDED)
+    assert found.reason.startswith("too many ways") and not asked
 
 
 # the oscillator
@@ -309,17 +294,11 @@ def test_only_what_is_proven_is_asked_about_any_eeprom(monkeypatch: pytest.Monke
 def test_an_rc_oscillator_is_shown_to_be_slow_and_another_one_is_named(
     config: int | None, shows: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    unfit = _Prover._unfit_oscillator
-    one, _ = prover_of(monkeypatch, [CLOSED], _image=Image({}, config=config))
-    slow: Any = object()
-    warnings: list[Any] = []
+    warnings = [SimpleNamespace(message="first"), SimpleNamespace(message="second")]
     monkeypatch.setattr(prover, "Machine", lambda *_, **keys: SimpleNamespace(chip_dependent=warnings))
-    monkeypatch.setattr(prover, "slow_oscillator", lambda case: slow)
-    assert unfit(one) is None
-    warnings += [SimpleNamespace(message="first"), SimpleNamespace(message="second")]
-    found = unfit(one)
-    assert found is not None and not found.proven
-    assert (found.counterexample, found.reason) == ((slow, "") if shows else (None, "first; second"))
-    slow = None
-    found = unfit(one)
-    assert found is not None and (found.counterexample, found.reason) == (None, "first; second")
+    for slow in (object(), None):
+        monkeypatch.setattr(prover, "slow_oscillator", lambda case, slow=slow: slow)
+        found = prove_for_all(Image({}, config=config), SCHEDULE)
+        assert not found.proven
+        expected = (slow, "") if shows and slow else (None, "first; second")
+        assert (found.counterexample, found.reason) == expected
