@@ -150,3 +150,14 @@ def test_the_timers_before_the_first_instruction(oscillator: str, timer: str) ->
     short = Machine(image(" nop\n", config), CLOCK, SimulatorOptions(power_up=True, power_up_us=10))
     assert short.cycles == (10 if timer == "ON" else 0) + (0 if oscillator == "RC" else 256)
     assert Machine(image(" nop\n", config), CLOCK).cycles == 0
+
+
+@pytest.mark.parametrize("floating", [0, 1])
+def test_pins_that_differ_from_the_latches_at_power_up_set_rbif_before_anything_changes(
+    floating: int,
+) -> None:
+    """DS35007 section 4.2: the mismatch outputs of RB4 to RB7 set it, whether or not a pin changes."""
+    for latches in range(16):
+        options = SimulatorOptions(floating=floating, start=(("rb-old", latches), ("rbif", 0)))
+        intcon = Machine(image("GOTO $"), CLOCK, options).state().registers["INTCON"]
+        assert intcon & 1 == int(latches != 0xF * floating)
