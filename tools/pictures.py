@@ -33,7 +33,7 @@ SLOW = {
         for names, files in (
             (("hexapod", "projector", "phone", "bodies"), [*WATCH, "firmware/hexapod-tripod/main.hex"]),
             (("job", "timeline", "difference"), [*WATCH, "firmware/lab8-exercise/main.hex"]),
-            (("why", "capture"), WATCH),
+            (("why", "capture", "graded"), WATCH),
             (("report",), ["firmware/hexapod-tripod/main.hex", "templates/report.html.j2"]),
             (("film", "class"), ["templates/watch/colours.css"]),
         )

@@ -90,7 +90,8 @@ class Page {
     document.addEventListener("keydown", event => { if (!event.repeat) stop(event, true); });
     document.addEventListener("keyup", event => stop(event, false));
     document.addEventListener("keydown", event => this.press(event));
-    window.addEventListener("resize", () => { this.relay(); this.robot?.paint(); });
+    const resized = () => { this.relay(); this.robot?.paint(); };
+    new ResizeObserver(() => requestAnimationFrame(resized)).observe(byId("seen"));
     setInterval(() => { if (this.pending) this.ask(); }, 60);
   }
   press(event) {
