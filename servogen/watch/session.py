@@ -36,7 +36,7 @@ from servogen.errors import Diagnostic, InputError, ServogenError
 from servogen.pic.device import EEPROM_BYTES, PACKAGE, RAM_FIRST
 from servogen.programs import JOB_SUFFIX
 from servogen.pulse.schedule import Run
-from servogen.pulses import PulseReader
+from servogen.pulses import PulseReader, Pulses, joined
 from servogen.report.robot_model import robot_model, schedule_model
 from servogen.simulator import LevelChange, Serial
 from servogen.simulator.layout import MCLR_PIN
@@ -521,7 +521,7 @@ class WatchSession:
         yield self.shown()
 
     def _do_waves(self, message: Mapping[str, Any]) -> Iterator[Message]:
-        """Answer with the edges of a window of the past, what the schedule asks for, and how they differ."""
+        """Answer with the pulses of a window of the past, what the schedule asks for, and how they differ."""
         longest = int(self.subject.clock.round_seconds(MAX_WINDOW_S))
         begin = max(0, int(message["begin"]))
         self._sight = begin, max(begin + 1, min(int(message["end"]), begin + longest))
@@ -529,7 +529,9 @@ class WatchSession:
 
     def _waves(self, begin: int, end: int) -> Message:
         seen = min(end, int(self._place.reach))
-        edges = zip(*(column.tolist() for column in self._edges(begin, seen)), strict=True)
+        before = self._levels_before(begin)
+        cycle, pin, level = self._edges(begin, seen)
+        edges = EdgeChunk(cycle[:MAX_EDGES], pin[:MAX_EDGES], level[:MAX_EDGES])
         asked, alone = self._asked(begin, end, seen)
         given = self._outside(begin, seen)
         return {
@@ -537,8 +539,9 @@ class WatchSession:
             "begin": begin,
             "end": end,
             "seen": seen,
-            "before": list(self._levels_before(begin)),
-            "edges": _packed(edges, begin),
+            "before": list(before),
+            "pulses": _packed_pulses(_pulses_in(before, edges, begin, max(begin, seen)), begin),
+            "floating": _packed(_floating(before, edges), begin),
             "inputs": _packed((edge for edge in given if edge[0] >= begin), begin),
             "inputs_before": {edge[1]: edge[2] for edge in given if edge[0] < begin},
             "wanted": _packed(asked, begin),
@@ -843,6 +846,31 @@ def _packed(edges: Iterable[Edge], begin: int) -> list[int]:
         packed += [cycle - last, pin * 4 + level]
         last = cycle
     return packed
+
+
+def _pulses_in(before: tuple[int, ...], edges: EdgeChunk, begin: int, end: int) -> Pulses:
+    """Return the pulses of a window; one that was high before it rises one cycle before, if there is one."""
+    reader = PulseReader(begin - 1)
+    if begin:
+        high = np.array([pin for pin, level in enumerate(before) if level == HIGH], np.uint8)
+        reader(EdgeChunk(np.full(len(high), begin - 1), high, np.full(len(high), HIGH, np.uint8)))
+    return joined([reader(edges), reader.cut(end)])
+
+
+def _packed_pulses(pulses: Pulses, begin: int) -> list[int]:
+    """Return pulses as the time since the rise before, the width and the pin, one after the other."""
+    pulses = pulses.take(np.argsort(pulses.rise, kind="stable"))
+    columns = (np.diff(pulses.rise, prepend=begin), pulses.width, pulses.pin)
+    return np.column_stack(columns).ravel().tolist()
+
+
+def _floating(before: tuple[int, ...], edges: EdgeChunk) -> Iterator[Edge]:
+    """Yield the edges by which a pin begins to float or is driven."""
+    levels = list(before)
+    for cycle, pin, level in zip(*(column.tolist() for column in edges), strict=True):
+        if UNDRIVEN in (level, levels[pin]):
+            yield cycle, pin, level
+        levels[pin] = level
 
 
 def _driven(before: tuple[int, ...], edges: EdgeChunk) -> EdgeChunk:

@@ -2,7 +2,7 @@
 // server. In: rows of pulses in µs. A row of the kind "planned" is what the others are held against.
 
 import { angleOf, RobotView, Servos } from "./robot.js";
-import { timeText, Waves } from "./waves.js";
+import { edgesOf, timeText, Waves } from "./waves.js";
 
 const SILENT_PERIODS = 2;   // after which a servo without a pulse is not driven
 const OWN_ROW = 64;         // the number of the first row that is not a pin's own
@@ -90,19 +90,20 @@ export class Film {
   cut() {
     const scale = this.data.cycle_us, levels = [];
     const begin = this.waves.begin * scale, end = this.waves.end * scale;
-    const edges = (rows, lane) => rows.flatMap(row => {
-      const first = Math.max(0, before(row.rise, begin) - 1), last = before(row.rise, end), made = [];
+    const inSight = (rows, lane) => rows.flatMap(row => {
+      const first = Math.max(0, before(row.rise, begin) - 1), last = before(row.rise, end), found = [];
       for (let index = first; index < last; index++) {
-        const fall = row.rise[index] + row.width[index];
-        if (row.rise[index] >= begin) made.push({ cycle: row.rise[index] / scale, pin: lane(row), level: 1 });
-        else if (fall > begin) levels[lane(row)] = 1;
-        if (fall >= begin) made.push({ cycle: fall / scale, pin: lane(row), level: 0 });
+        const rise = row.rise[index], width = row.width[index], pin = lane(row);
+        if (rise + width < begin) continue;
+        if (rise < begin) levels[pin] = 1;
+        found.push({ pin, rise: rise / scale, width: width / scale });
       }
-      return made;
+      return found;
     });
-    const made = edges(this.seen, row => row.lane), wanted = edges(this.planned, row => row.pin);
+    const pulses = inSight(this.seen, row => row.lane), planned = inSight(this.planned, row => row.pin);
     const shown = { begin: this.waves.begin, end: this.waves.end, seen: this.waves.end, before: levels };
-    this.waves.set({ ...shown, edges: made, wanted, differing: this.wrong, inputs: [] });
+    const wanted = edgesOf(planned, [], shown.begin, shown.end);
+    this.waves.set({ ...shown, pulses, floating: [], wanted, differing: this.wrong, inputs: [] });
   }
   buildControls() {
     const { play, moment, servos } = this.places;

@@ -1,5 +1,6 @@
 // The pins over time, painted on a canvas: zoom, two cursors, what the schedule asks for, differences in red.
-// Times are cycles. Edges come packed: the way from the edge before, then 4 * pin + level.
+// Times are cycles. What the pins did comes as pulses, packed: the time from the rise before, the width, the pin;
+// other changes as edges, packed: the time from the edge before, then 4 * pin + level.
 
 import { cleared, legible } from "./robot.js";
 
@@ -13,6 +14,28 @@ export function unpack(packed, begin) {
     edges.push({ cycle, pin: packed[index + 1] >> 2, level: packed[index + 1] & 3 });
   }
   return edges;
+}
+
+export function unpackPulses(packed, begin) {
+  const pulses = [];
+  for (let index = 0, rise = begin; index < packed.length; index += 3) {
+    rise += packed[index];
+    pulses.push({ pin: packed[index + 2], rise, width: packed[index + 1] });
+  }
+  return pulses;
+}
+
+// The changes of level to be painted: those of pulses, as far as they are inside of a window, and of pins that
+// begin or cease to float.
+export function edgesOf(pulses, floating, begin, end) {
+  const edges = [];
+  for (const { pin, rise, width } of pulses) {
+    if (rise >= begin) edges.push({ cycle: rise, pin, level: 1 });
+    if (rise + width < end) edges.push({ cycle: rise + width, pin, level: 0 });
+  }
+  // Behind a pulse's end at the same cycle, which sorting keeps there; a pin that floats no more and is high rises.
+  edges.push(...floating.filter(edge => edge.level !== 1));
+  return edges.sort((before, after) => before.cycle - after.cycle);
 }
 
 // A time in words, to a precision that fits a step of so many µs.
@@ -45,11 +68,12 @@ export function decodeSerial(edges, bit, begin, before, end) {
   return bytes;
 }
 
-function byPin(edges) {
+// Edges or pulses, each pin's in a list of its own.
+function byPin(items) {
   const lanes = new Map();
-  for (const edge of edges) {
-    if (!lanes.has(edge.pin)) lanes.set(edge.pin, []);
-    lanes.get(edge.pin).push(edge);
+  for (const item of items) {
+    if (!lanes.has(item.pin)) lanes.set(item.pin, []);
+    lanes.get(item.pin).push(item);
   }
   return lanes;
 }
@@ -108,21 +132,24 @@ export class Waves {
     this.lay();
     this.paint();
   }
-  // Take the edges of a window of time; `followed`: while it runs, the window is the server's.
+  // Take the pulses and edges of a window of time; `followed`: while it runs, the window is the server's.
   take(packed, followed = false) {
     const edges = name => unpack(packed[name], packed.begin);
     if (followed) [this.begin, this.end] = [packed.begin, packed.end];
-    const lists = ["edges", "wanted", "differing", "inputs"].map(name => [name, edges(name)]);
-    this.set({ ...packed, ...Object.fromEntries(lists) });
+    const lists = ["floating", "wanted", "differing", "inputs"].map(name => [name, edges(name)]);
+    const pulses = unpackPulses(packed.pulses, packed.begin);
+    this.set({ ...packed, pulses, ...Object.fromEntries(lists) });
     if (!followed) this.paint();   // what follows is painted with the moment
   }
   set(data) {
     this.data = data;
-    const names = ["edges", "wanted", "differing", "inputs"];
-    this.lanes = Object.fromEntries(names.map(name => [name, byPin(data[name])]));
+    const edges = edgesOf(data.pulses, data.floating, data.begin, data.seen);
+    const { pulses, wanted, differing, inputs } = data;
+    this.lanes = { pulses: byPin(pulses), edges: byPin(edges), wanted: byPin(wanted),
+                   differing: byPin(differing), inputs: byPin(inputs) };
     const named = new Map((this.options.rows || []).map(row => [row.pin, row]));
     const name = pin => ({ name: this.model.pins[pin] || "MCLR", pin });
-    for (const { pin } of [...data.edges, ...data.inputs]) if (!named.has(pin)) named.set(pin, name(pin));
+    for (const { pin } of [...edges, ...inputs]) if (!named.has(pin)) named.set(pin, name(pin));
     for (const row of this.all) if (!named.has(row.pin) && !row.idle) named.set(row.pin, row);
     const idle = named.size ? [] : (this.options.idle || []).map(pin => ({ ...name(pin), idle: true }));
     this.all = [...named.values(), ...idle];
@@ -350,7 +377,7 @@ export class Waves {
     const input = given.length > 0 && !driven.length;
     const before = input ? outside : data.before[row.pin];
     if (row.serial) this.paintBytes(brush, row, input ? given : driven, before, low, ink);
-    else this.paintWidths(brush, row, driven, high, low, ink);
+    else this.paintWidths(brush, row, high, low, ink);
   }
   paintBytes(brush, row, edges, before, low, ink) {
     brush.fillStyle = ink("--ink");
@@ -361,27 +388,28 @@ export class Waves {
     }
   }
   // The width of each pulse, beside it and between the two lines; and where another plan would end it.
-  paintWidths(brush, row, edges, high, low, ink) {
+  paintWidths(brush, row, high, low, ink) {
+    const { begin, seen } = this.data, pulses = this.lanes.pulses.get(row.pin) || [];
     const font = brush.font, middle = (high + low) / 2;
     const large = [1.5, 1.25, 1].map(size => Math.round(size * this.text));
     const sizes = large.filter(size => 2 * size < low - high);
     brush.textAlign = "left";
-    for (let index = 0; index + 1 < edges.length; index++) {
-      const [rise, fall] = [edges[index], edges[index + 1]], end = this.x(fall.cycle);
-      if (rise.level !== 1 || end > this.width) continue;
-      const next = edges[index + 2] ? this.x(edges[index + 2].cycle) : this.width;
+    for (const [index, { rise, width }] of pulses.entries()) {
+      const fall = rise + width, end = this.x(fall);
+      if (rise < begin || fall >= seen || end > this.width) continue;   // cut off by the window
+      const next = pulses[index + 1] ? this.x(pulses[index + 1].rise) : this.width;
       if (next - end < SHORTEST_TEXT) continue;
-      const other = this.options.preview?.(row, rise.cycle) ?? null;
+      const other = this.options.preview?.(row, rise) ?? null;
       if (other !== null) {
         brush.fillStyle = ink("--band");
-        const x = this.x(rise.cycle + other);
+        const x = this.x(rise + other);
         brush.fillRect(Math.min(x, end), high, Math.abs(x - end), low - high);
         brush.fillStyle = ink("--open") || ink("--ink");
         brush.fillRect(x - 1, high, 2, low - high);
       }
-      const say = width => this.options.describe?.(row, width) ?? timeText(this.us(width));
-      const own = say(fall.cycle - rise.cycle), us = timeText(this.us(fall.cycle - rise.cycle));
-      const from = Math.max(end, other === null ? 0 : this.x(rise.cycle + other));
+      const say = cycles => this.options.describe?.(row, cycles) ?? timeText(this.us(cycles));
+      const own = say(width), us = timeText(this.us(width));
+      const from = Math.max(end, other === null ? 0 : this.x(rise + other));
       const long = other === null ? own : `${own} → ${say(other)}`;
       const short = other === null ? us : `${us} → ${timeText(this.us(other))}`;
       const tries = [...sizes.map(size => [size, long]), [this.text, long], [this.text, short]];

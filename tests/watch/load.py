@@ -153,7 +153,7 @@ def _jumps(page: Page, end: int, width: float) -> list[float]:
         page.run(f"watched.waves.show({at}, {at} + {width}); 0")
         page.until(f"Math.abs(watched.waves.data.begin - {at}) < 2 && watched.waves.data.seen > {at}")
         waited.append(time.monotonic() - begin)
-        edges = max(edges, page.run("watched.waves.data.edges.length"))
+        edges = max(edges, page.run("watched.waves.data.pulses.length"))
         drawn.append(page.run(DRAWING))
     seconds = width * page.run("watched.waves.model.cycle_us") / 1e6
     print(

@@ -200,15 +200,18 @@ def test_waves_are_at_most_four_seconds_and_as_many_edges_as_fit() -> None:
     of = session(ROWS, 9_000_000)
     found = answer(of, do="waves", begin=-5, end=9_000_000)
     assert (found["begin"], found["end"], found["seen"]) == (0, 4_000_000, 4_000_000)
-    assert found["edges"][:6] == [0, RB0 * 4, 10, RB0 * 4 + 1, 0, RB1 * 4 + 1]
+    assert found["pulses"] == [10, 15, RB0, 0, 50, RB1, 30, 20, RB0]
+    assert found["floating"] == [0, RB0 * 4, 10, RB1 * 4 + 1]
     assert (found["before"][RB0], found["inputs"], found["wanted"], found["differing"]) == (2, [], [], [])
     later = answer(of, do="waves", begin=26, end=20)
-    assert (later["begin"], later["end"], later["edges"]) == (26, 27, [])
+    assert (later["begin"], later["end"], later["floating"]) == (26, 27, [])
+    assert later["pulses"] == [-1, 2, RB1], "it was high before the window, and still is at its end"
     assert (later["before"][RB0], later["before"][RB1]) == (0, 1)
     beyond = answer(of, do="waves", begin=9_000_010, end=9_000_020)
-    assert (beyond["seen"], beyond["edges"]) == (9_000_000, [])
+    assert (beyond["seen"], beyond["pulses"]) == (9_000_000, [])
     many = session([(n, RB0, n % 2) for n in range(MAX_EDGES + 5)], 100_000)
-    assert len(answer(many, do="waves", begin=0, end=50_000)["edges"]) == 2 * MAX_EDGES
+    cut = answer(many, do="waves", begin=0, end=50_000)["pulses"]
+    assert len(cut) == 3 * (MAX_EDGES // 2) and cut[-2] == 50_000 - (MAX_EDGES - 1)
 
 
 def test_wrong_requests_are_answered_and_change_nothing() -> None:

@@ -104,7 +104,7 @@ def test_after_an_intervention_nothing_is_said_of_the_edges_that_follow(watch: O
     assert said == "you intervened at 4 s: not compared from there"
     assert text(page, "#verdict") == "not compared"
     go(page, 6_000_000)
-    page.until("watched.waves.data.begin > 4_000_000 && watched.waves.data.edges.length > 10")
+    page.until("watched.waves.data.begin > 4_000_000 && watched.waves.data.pulses.length > 10")
     assert page.run("watched.waves.data.differing.length") == 0
 
 
@@ -274,7 +274,7 @@ def test_far_requests_simulate_nothing(watch: Open, tmp_path: Path) -> None:  # 
     reach = page.run("watched.latest.reach")
     page.run("watched.waves.show(1e12, 1.00000001e12)")
     page.until("watched.waves.data.begin === 1e12")
-    assert page.run("watched.waves.data.edges.length") == 0
+    assert page.run("watched.waves.data.pulses.length") == 0
     page.run("document.getElementById('next-frame').click()")
     page.until(f"watched.latest.reach !== {reach}")
     assert page.run("watched.latest.reach") < 1_000_000

@@ -12,13 +12,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from servogen.edges import UNDRIVEN, EdgeChunk, EdgeTrace
 from servogen.job import load, plan_job
 from servogen.motion.drive import positions
 from servogen.report.robot_model import robot_model
 from servogen.report.sticks import stick
 from servogen.report.tracks import ends_of, to_place
 from servogen.simulator import Serial
-from servogen.units import Clock
+from servogen.units import Clock, Cycles
+from servogen.watch.session import WatchSession
+from servogen.watch.subject import Subject
 
 ROOT = Path(__file__).parent.parent.parent
 NODE = shutil.which("node")
@@ -86,6 +89,40 @@ const bytes = decodeSerial(unpack(asked.packed, 0), asked.bit, 0, 1, asked.end).
 const times = [timeText(1500, 1), timeText(20000, 1000), timeText(2.5e6, 1e5)];
 console.log(JSON.stringify({ bytes, times }));
 """
+
+
+EDGES = """
+import { edgesOf, unpack, unpackPulses } from "%s";
+const { pulses, floating, begin, seen } = JSON.parse(process.argv[1]);
+const edges = edgesOf(unpackPulses(pulses, begin), unpack(floating, begin), begin, seen);
+console.log(JSON.stringify(edges.map(edge => [edge.cycle, edge.pin, edge.level])));
+"""
+
+
+def test_a_window_is_painted_with_the_edges_that_its_pins_had() -> None:
+    """From its pulses alone, wherever it cuts them, and with the pins that begin or cease to float in it."""
+    rows = [
+        (0, 0, 0),
+        (10, 0, 1),
+        (10, 1, 1),
+        (25, 0, 0),
+        (30, 1, UNDRIVEN),
+        (40, 0, 1),
+        (60, 0, 0),
+        (70, 1, 1),
+    ]
+    cycle, pin, level = (np.array(column) for column in zip(*rows, strict=True))
+    chunk = EdgeChunk(cycle, pin.astype(np.uint8), level.astype(np.uint8))
+    trace = EdgeTrace(Clock(4_000_000), (chunk,), Cycles(100))
+    session = WatchSession(Subject(Path("run.vcd"), Clock(4_000_000), trace=trace))
+    assert NODE is not None
+    module = (ROOT / "templates" / "watch" / "waves.js").as_uri()
+    for begin, end in ((0, 100), (11, 35), (20, 45)):
+        waves = list(session.handle({"do": "waves", "begin": begin, "end": end}))[-1]
+        command = [NODE, "--input-type=module", "-e", EDGES % module, json.dumps(waves)]
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        painted = {(cycle, pin): level for cycle, pin, level in json.loads(done.stdout)}
+        assert painted == {(cycle, pin): level for cycle, pin, level in rows if begin <= cycle < end}
 
 
 def test_serial_bytes_are_decoded_as_they_were_sent() -> None:
