@@ -27,7 +27,7 @@ from servogen.report.robot_model import robot_model
 from servogen.report.signals import captured, frames_to_show, planned, pose_frames, shown_us, simulated
 from servogen.report.text import ProgramFacts, rounded_width, sentence
 from servogen.report.tracks import Track, error_rows, errors_of, tracks_of
-from servogen.report.viewer import embedded_json, viewer_colours, viewer_script
+from servogen.report.viewer import embedded_json, viewer_colours, viewer_module
 from servogen.report.wiring import open_drain, package, remarks, wires
 from servogen.template_files import template_folder
 from servogen.units import counted
@@ -228,7 +228,7 @@ def _signal_values(facts: PageFacts) -> dict[str, object]:
     whole = (schedule.lead_in_frames + schedule.loop_frames) * float(schedule.clock.us(schedule.period))
     return {
         "signal_data": embedded_json(data),
-        "viewer_script": viewer_script(),
+        "viewer_module": viewer_module(),
         "viewer_colours": viewer_colours(),
         "views": shown,
         "span_s": f"{span / 1e6:g}",

@@ -1,4 +1,4 @@
-"""The viewer of `servogen watch` inside a page that is one file: its modules as one script, and its data.
+"""The viewer of `servogen watch`, as one module: served by it, and inside of pages that are one file.
 
 In: `templates/watch/`. Out: text to be put between the tags of a page, which then needs no server.
 """
@@ -6,21 +6,19 @@ In: `templates/watch/`. Out: text to be put between the tags of a page, which th
 from __future__ import annotations
 
 import json
-import re
 
 from servogen.template_files import template_folder
 
-MODULES = ("robot.js", "waves.js", "film.js")
-"""The modules, in an order in which each comes after those that it imports."""
+PARTS = ("robot.js", "waves.js", "film.js")
+"""The parts of the module, each after those whose names it uses.
 
-_IMPORT = re.compile(r"^import .*?;\n", re.MULTILINE)
-_EXPORT = re.compile(r"^export ", re.MULTILINE)
+They import nothing, so that they are joined as they stand; a name that two of them define is a syntax error.
+"""
 
 
-def viewer_script() -> str:
-    """Return the modules as one script; names are unique across them."""
-    texts = [(template_folder() / "watch" / name).read_text("utf-8") for name in MODULES]
-    return "".join(_EXPORT.sub("", _IMPORT.sub("", text)) for text in texts)
+def viewer_module() -> str:
+    """Return the parts as one module of JavaScript."""
+    return "".join((template_folder() / "watch" / name).read_text("utf-8") for name in PARTS)
 
 
 def viewer_colours() -> str:

@@ -33,6 +33,7 @@ from websockets.http11 import Request, Response
 
 from servogen.debug.time_machine import Repetition
 from servogen.errors import ServogenError
+from servogen.report.viewer import viewer_module
 from servogen.template_files import template_folder
 from servogen.watch.editing import Editor
 from servogen.watch.live_line import LiveLine
@@ -58,13 +59,16 @@ FILES: Mapping[str, str] = MappingProxyType(
         **{
             f"{name}.js": f"{name}.js"
             for name in (
-                *("app", "chip", "console", "dom", "editor", "hands", "links", "moment", "plan", "robot"),
-                *("source", "timeline", "twin", "waves"),
+                *("app", "chip", "console", "dom", "editor", "hands", "links", "moment", "plan"),
+                *("source", "timeline", "twin", "viewer"),
             )
         },
     }
 )
-"""The names served in a room's folder, and their files in `templates/watch/`."""
+"""The names served in a room's folder, and their files in `templates/watch/`, or `VIEWER`."""
+
+VIEWER = "viewer.js"
+"""The module that is joined from several files, as in pages without a server."""
 
 TYPES = {"html": "text/html", "css": "text/css", "js": "text/javascript"}
 
@@ -466,8 +470,8 @@ def _plain(connection: ServerConnection, status: HTTPStatus, text: str) -> Respo
 def _file(name: str, port: int) -> Response:
     """Return a file of the watch page, which may open sockets to this server."""
     sockets = " ".join(f"ws://{host}:{port}" for host in (LOOPBACK, "localhost"))
-    body = (template_folder() / "watch" / name).read_bytes()
-    return _answer(TYPES[name.rpartition(".")[2]], body, "'self'", "'self'", f"'self' {sockets}")
+    text = viewer_module() if name == VIEWER else (template_folder() / "watch" / name).read_text("utf-8")
+    return _answer(TYPES[name.rpartition(".")[2]], text.encode(), "'self'", "'self'", f"'self' {sockets}")
 
 
 def _answer(kind: str, body: bytes, scripts: str, styles: str, connections: str = "'none'") -> Response:

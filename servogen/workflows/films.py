@@ -13,7 +13,7 @@ from servogen.edges import PINS
 from servogen.grade import Grade, Lab, Submission, shell_word, shown_name
 from servogen.grade.points import max_total, number, outcomes, total
 from servogen.report.robot_model import servo_model
-from servogen.report.viewer import embedded_json, viewer_colours, viewer_script
+from servogen.report.viewer import embedded_json, viewer_colours, viewer_module
 from servogen.template_files import template_folder
 from servogen.workflows.grading import Graded, copies
 
@@ -81,7 +81,7 @@ def film_page(lab: Lab, submission: Submission, grade: Grade, link: str = "", no
         source=film.source,
         moment_s=f"{film.moment_us / 1e6:.3f}",
         data=embedded_json(data),
-        script=viewer_script(),
+        viewer=viewer_module(),
         colours=viewer_colours(),
         link=link,
         nonce=nonce,

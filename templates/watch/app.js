@@ -8,11 +8,10 @@ import { Hands } from "./hands.js";
 import { Links } from "./links.js";
 import { Moment } from "./moment.js";
 import { Plan } from "./plan.js";
-import { angleOf, RobotView, Servos } from "./robot.js";
 import { SourceView } from "./source.js";
 import { Twin } from "./twin.js";
 import { Timeline } from "./timeline.js";
-import { timeText, Waves } from "./waves.js";
+import { angleOf, RobotView, Servos, timeText, Waves } from "./viewer.js";
 
 const PLACE = `window of ${location.pathname}`;   // where a tab keeps which window of the server's it is
 const DOCK = "servogen dock";

@@ -1,8 +1,6 @@
 // A film: pulses that were planned, simulated or captured, played on the robot and shown as waves, without a
 // server. In: rows of pulses in µs. A row of the kind "planned" is what the others are held against.
-
-import { angleOf, RobotView, Servos } from "./robot.js";
-import { edgesOf, timeText, Waves } from "./waves.js";
+// A part of viewer.js, behind robot.js and waves.js.
 
 const SILENT_PERIODS = 2;   // after which a servo without a pulse is not driven
 const OWN_ROW = 64;         // the number of the first row that is not a pin's own

@@ -1,7 +1,7 @@
 // What a person does to the robot: sliders for the servos, buttons on pins, ways of a walk.
 
 import { element, write } from "./dom.js";
-import { angleOf, widthOf } from "./robot.js";
+import { angleOf, widthOf } from "./viewer.js";
 
 const POSITIONS = 254;
 const COMMAND_MS = 30;   // between two commands of a slider that is dragged

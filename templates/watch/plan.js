@@ -1,6 +1,6 @@
 // The plan of the text as it is typed, which is not built yet: the ghost of the robot and of its pulses.
 
-import { widthOf } from "./robot.js";
+import { widthOf } from "./viewer.js";
 
 export class Plan {
   constructor() { this.clear(); }

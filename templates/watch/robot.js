@@ -1,5 +1,5 @@
 // The robot in three dimensions: the points of its legs, arm or base at given angles, painted on a canvas.
-// In: the model that servogen/report/robot_model.py writes, in metres and radians.
+// In: the model that servogen/report/robot_model.py writes, in metres and radians. A part of viewer.js.
 
 const GRID_M = 0.05, GRID_LINES = 5;   // of the ground below recorded bodies
 const DEPTH_CUE = 0.5;   // how much fainter the farthest line is

@@ -1,8 +1,7 @@
 // The pins over time, painted on a canvas: zoom, two cursors, what the schedule asks for, differences in red.
 // Times are cycles. What the pins did comes as pulses, packed: the time from the rise before, the width, the pin;
 // other changes as edges, packed: the time from the edge before, then 4 * pin + level.
-
-import { cleared, legible } from "./robot.js";
+// A part of viewer.js, behind robot.js.
 
 const HEAD = 24, ROW = 30, ROWS = [22, 320];   // pixels: the least and the greatest height of a row that fits
 const DASH = 3, SHORTEST_TEXT = 24, MIN_SPAN = 8, LABEL = 7.7;   // the label: so many times the text's size
