@@ -134,7 +134,7 @@ def _spread(command: Callable[..., None]) -> Callable[..., None]:
     parameters: list[inspect.Parameter] = []
     for name, parameter in inspect.signature(command).parameters.items():
         if name in groups:
-            parameters += _parameters_of(groups[name])
+            parameters += _option_parameters(groups[name])
         else:
             parameters.append(parameter.replace(annotation=hints[name], kind=parameter.KEYWORD_ONLY))
 
@@ -148,7 +148,7 @@ def _spread(command: Callable[..., None]) -> Callable[..., None]:
     return spread
 
 
-def _parameters_of(options: Any) -> Iterator[inspect.Parameter]:
+def _option_parameters(options: Any) -> Iterator[inspect.Parameter]:
     hints = get_type_hints(options, include_extras=True)
     for field in fields(options):
         yield inspect.Parameter(
@@ -195,7 +195,7 @@ def run() -> int:
         text = _with_value(text, error, sys.argv[1:])
         meant = _meant(text)
         text = (BY_LETTERS if meant else HELP_ALONE).sub("", text)
-        hint = meant or _outputs(text, error) or f"see: {_command_of(error)} --help"
+        hint = meant or _outputs(text, error) or f"see: {_command_name(error)} --help"
         show_error(InputError("usage", text, hint=hint), sys.argv[1:])
         return InputError.exit_code
     except typer.Abort:
@@ -262,7 +262,7 @@ def _with_value(text: str, error: TyperException, words: Sequence[str]) -> str:
     return text.replace(": Input should", f": '{value}' should", 1)
 
 
-def _command_of(error: TyperException) -> str:
+def _command_name(error: TyperException) -> str:
     """Return the command whose arguments are wrong, as it is typed."""
     context = getattr(error, "ctx", None)
     if context:

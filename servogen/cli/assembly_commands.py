@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from servogen.cli.files import keep_apart, read_image, within_limits, write_program
+from servogen.cli.files import check_outputs, read_image, within_limits, write_program
 from servogen.cli.options import DeviceName, MemoryLimit, Output, TimeLimit
 from servogen.cli.show import next_step, warn_of_all
 from servogen.isolation import COMPILING, WorkLimits
@@ -55,7 +55,7 @@ def assemble(
         "--timeout and --memory-mb allow more",
     )
     target = output or sources[0].with_suffix(".hex")
-    keep_apart([*sources, *([script] if script else [])], target, listing)
+    check_outputs([*sources, *([script] if script else [])], target, listing)
     write_program(target, assembly.image, listing, assembly.listing)
     print(f"{target}: {assembly.image.words} words of 1024")
     print(next_step("simulate", target))
@@ -68,7 +68,7 @@ def disassemble(
     device: DeviceName = "PIC16F84",
 ) -> None:
     """Write a HEX file as assembly that assembles to the same image (default: to standard output)."""
-    keep_apart([file], output)
+    check_outputs([file], output)
     text = disassembled(read_image(file), device_named(device))
     if output:
         write_text(output, text)

@@ -135,7 +135,7 @@ class _Demo:
         for job in jobs:
             try:
                 loaded = plan_job(load(job))
-                result = built(loaded, partial(_tell_of, tell, loaded.name))
+                result = built(loaded, partial(_tell_step, tell, loaded.name))
             except ResourceError as error:
                 refused.append(error.first)
             except InputError as error:
@@ -176,7 +176,7 @@ class _Demo:
         ]
 
 
-def _tell_of(tell: Callable[[str], None], job: str, step: str) -> None:
+def _tell_step(tell: Callable[[str], None], job: str, step: str) -> None:
     tell(f"{job}: {step}")
 
 

@@ -106,9 +106,9 @@ def calibrate(
     if sweep.readings is not None:
         if sweep.angles is not None:
             raise InputError("conflicting-options", "--readings has the angles already: take one of the two")
-        taken = read_csv(sweep.readings, chosen.model.continuous)
+        readings = read_csv(sweep.readings, chosen.model.continuous)
     else:
-        taken = _taken(
+        readings = _sweep_readings(
             loaded,
             index,
             (sweep.from_us, sweep.to_us, sweep.points),
@@ -117,7 +117,7 @@ def calibrate(
             (sweep.baud, sweep.range_us, sweep.first),
         )
     usual = WHEEL_TOLERANCE_DEG if chosen.model.continuous else TOLERANCE_DEG
-    fitted = fit(taken, math.radians(tolerance_deg or usual), chosen.model.continuous)
+    fitted = fit(readings, math.radians(tolerance_deg or usual), chosen.model.continuous)
     previous = write_calibration(target, calibration_text(fitted, chosen))
     if plot is not None:
         calibration_plot(fitted, chosen, plot)
@@ -127,7 +127,7 @@ def calibrate(
         raise typer.Exit(1)
 
 
-def _taken(
+def _sweep_readings(
     job: Job,
     index: int,
     span: tuple[float | None, float | None, int],

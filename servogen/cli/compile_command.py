@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from servogen.cli.files import keep_apart, within_limits, write_program
+from servogen.cli.files import check_outputs, within_limits, write_program
 from servogen.cli.options import Dialect, Json, MemoryLimit, Output, TimeLimit
 from servogen.cli.show import as_json, next_step, warn_of_all
 from servogen.compiler import Options, Source, compile_sources
@@ -120,7 +120,7 @@ def compile(
         "--timeout and --memory-mb allow more",
     )
     target = output or sources[0].with_suffix(".hex")
-    keep_apart(sources, target, listing)
+    check_outputs(sources, target, listing)
     write_program(target, compilation.image, listing, compilation.listing)
     spoken, dump = options.dialect, work.dump
     if json:
@@ -163,7 +163,7 @@ def _options(sources: Sequence[Source], language: LanguageOptions, work: Compile
         include=found,
         defines=_macros(language.define or []),
         dump_ir=_pass_to_dump(work.dump),
-        unwanted=_unwanted(work.no_warning or []),
+        unwanted=_known_codes(work.no_warning or []),
     )
     return replace(options, verify_ir=True) if work.verify_ir else options
 
@@ -187,7 +187,7 @@ def _macros(definitions: list[str]) -> dict[str, str]:
     return macros
 
 
-def _unwanted(codes: list[str]) -> frozenset[str]:
+def _known_codes(codes: list[str]) -> frozenset[str]:
     """Return the codes of `--no-warning`. Raises InputError."""
     for code in codes:
         if code not in WARNINGS:

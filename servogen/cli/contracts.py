@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from servogen.cli.chip_options import ChipOptions
-from servogen.cli.files import keep_apart, read_program
+from servogen.cli.files import check_outputs, read_program
 from servogen.cli.schedule_proof import NOT_PROVEN, ONE_ENGINE, PROVEN, Over
 from servogen.cli.show import as_json, print_lines, status
 from servogen.contract import Contract, ContractVerdict, load_contract
@@ -93,12 +93,12 @@ class ContractProofRequest:
     json: bool
 
 
-def prove_contract_of(request: ContractProofRequest) -> int:
+def run_contract_proof(request: ContractProofRequest) -> int:
     """Prove, print, write the inputs of a counterexample, and return the exit code.
 
     The checker of certificates knows schedules only, so a proof is that of one engine.
     """
-    keep_apart([request.file, request.contract], request.counterexample)
+    check_outputs([request.file, request.contract], request.counterexample)
     contract = load_contract(request.contract)
     program = read_program(request.file, request.device)
     board = request.over.board(chip_of(program, request.device))

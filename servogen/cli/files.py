@@ -22,21 +22,21 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-def keep_apart(inputs: Sequence[Path], *outputs: Path | None) -> None:
+def check_outputs(inputs: Sequence[Path], *outputs: Path | None) -> None:
     """Raise InputError if an output is also an input, or the same file as another output."""
-    taken = {path.resolve(): "is what is read" for path in inputs}
+    used = {path.resolve(): "is what is read" for path in inputs}
     for output in outputs:
         if output is None:
             continue
-        if output.resolve() in taken:
+        if output.resolve() in used:
             raise InputError(
                 "output-exists",
-                f"{taken[output.resolve()]}: give the output another name",
+                f"{used[output.resolve()]}: give the output another name",
                 Location(str(output)),
             )
         if output.exists() and not (output.is_file() or output.is_dir()):
             continue  # a device, such as /dev/null, takes any number of outputs
-        taken[output.resolve()] = "is written already"
+        used[output.resolve()] = "is written already"
 
 
 def read_image(path: Path) -> Image:

@@ -24,7 +24,7 @@ from servogen.motion.limits import JointLimits
 from servogen.motion.loads import check_loads, loads_of
 from servogen.outputs import write_text
 from servogen.report.film import film, walk_scene
-from servogen.report.gait_facts import GaitFacts, diagram, facts_of, walk_to_json
+from servogen.report.gait_facts import GaitFacts, diagram, walk_facts, walk_to_json
 from servogen.report.gait_plot import gait_plot
 from servogen.report.motion_table import walk_lines
 from servogen.robot.servo_models import servo_model
@@ -234,7 +234,7 @@ def gait(
         gap=legs.gap_mm / 1000,
         lost=model.lost_motion(model.calibration) if legs.compensate else 0.0,
     )
-    facts, loads = facts_of(walker, planned_walk), loads_of(walker, planned_walk)
+    facts, loads = walk_facts(walker, planned_walk), loads_of(walker, planned_walk)
     legs.check_clearance(facts.clearance)
     _write_walk(walker, rhythm, planned_walk, facts, files)
     upright = planned_walk.full_height()

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from servogen.cli.files import keep_apart
+from servogen.cli.files import check_outputs
 from servogen.cli.options import Json, MemoryLimit, OpensBrowser, ServerPort
 from servogen.cli.page_server import require_server, serve_until_ctrl_c
 from servogen.cli.show import as_json, progress, table, warn
@@ -213,7 +213,7 @@ def grade(
 ) -> None:
     """Check programs against a lab's task and report what is wrong with each."""
     browsing.check(json)
-    keep_apart([path for path in files if not path.is_dir()], *outputs.paths)
+    check_outputs([path for path in files if not path.is_dir()], *outputs.paths)
     task = GradingTask.of(load_lab(lab), read_submission, work.timeout, work.memory_mb)
     if sentence := missing_limits():
         warn(Diagnostic("warning", "no-limits", sentence))

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from servogen.cli.files import keep_apart
+from servogen.cli.files import check_outputs
 from servogen.cli.options import Json
 from servogen.cli.show import as_json, next_step, status, table, warn_of_all
 from servogen.errors import Diagnostic, InputError, Location
@@ -19,7 +19,7 @@ from servogen.recordings import RecordedMotion, read
 from servogen.recordings.recording import UNITS
 from servogen.robot.servo_models import catalogued_as
 from servogen.toml.file import read_text
-from servogen.workflows import planned
+from servogen.workflows.engines import planned
 from servogen.workflows.importing import Deviation, Named, deviations, imported, in_servos, new_job, within
 
 SERVO = "futaba-s3001"
@@ -95,7 +95,7 @@ class TargetOptions:
         if self.output is None:
             hint = "-o job.toml, or --against a job"
             raise InputError("missing-option", "the job to write is not given", Location("-o"), hint)
-        keep_apart([file], self.output)
+        check_outputs([file], self.output)
         if self.output.exists() and not self.force:
             hint = "give another name, or --force"
             raise InputError("output-exists", "exists already", Location(str(self.output)), hint)

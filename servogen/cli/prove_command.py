@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from servogen.cli.contracts import ContractProofRequest, prove_contract_of
+from servogen.cli.contracts import ContractProofRequest, run_contract_proof
 from servogen.cli.files import read_program
 from servogen.cli.options import ClockHz, Json, OwnDevice
 from servogen.cli.schedule_proof import NOT_PROVEN, Claim, Over, check_complete, prove_schedule
@@ -133,7 +133,7 @@ def _prove_contract(
         accept_one_engine=claim.accept_one_engine,
         json=json,
     )
-    return prove_contract_of(asked)
+    return run_contract_proof(asked)
 
 
 def _marks(starts: list[str], ends: list[str]) -> list[tuple[str, str]]:

@@ -430,9 +430,9 @@ def orientation(
     rows = [
         (
             order.lower() + (" (rpy)" if order == "ZYX" else ""),
-            *map(_degrees, (one, answer["second_deg"][order])),
+            *map(_degrees, (first, answer["second_deg"][order])),
         )
-        for order, one in answer["angles_deg"].items()
+        for order, first in answer["angles_deg"].items()
     ]
     table("Angles, degrees", ("order", "angles", "second solution"), rows)
     print("axis        " + "  ".join(f"{value:z.6f}" for value in answer["axis"]))

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from servogen.checker import Checked
-from servogen.cli.files import keep_apart, read_program
+from servogen.cli.files import check_outputs, read_program
 from servogen.cli.show import as_json, next_step, status
 from servogen.engines.stream.engine import stream
 from servogen.engines.stream.streaming import Streaming
@@ -163,7 +163,7 @@ def prove_schedule(
     """Run the proof, print the answer, write the files and return the exit code. Raises InputError."""
     quantifiers = over.quantifiers()
     content = claim.content if over.any_eeprom or claim.any_line is not None else None
-    keep_apart([file, against], claim.certificate, claim.counterexample, content)
+    check_outputs([file, against], claim.certificate, claim.counterexample, content)
     schedule = read_schedule(against)
     chip = device_for(schedule, against, device)
     program = program_for(schedule, file, chip, read_program)

@@ -33,7 +33,7 @@ def table(
 
     console = Console(width=None if sys.stdout.isatty() else WIDE, highlight=False, markup=False)
     cells = [[str(cell) for cell in row] for row in rows]
-    shown, widths = _fitted(columns, cells, [columns.index(name) for name in least], console.width)
+    shown, widths = _columns_that_fit(columns, cells, [columns.index(name) for name in least], console.width)
     made = Table(title=title, box=SIMPLE, title_justify="left")
     for index, width in zip(shown, widths, strict=True):
         numeric = bool(cells) and all(_numeric(row[index]) for row in cells)
@@ -48,7 +48,7 @@ def table(
         )
 
 
-def _fitted(
+def _columns_that_fit(
     columns: Sequence[str], rows: Sequence[Sequence[str]], least: Sequence[int], width: int
 ) -> tuple[list[int], list[int]]:
     """Return which columns fit a width without a word being cut, and how wide each is."""

@@ -11,7 +11,7 @@ import typer
 
 from servogen.cli.chip_options import ChipOptions
 from servogen.cli.contracts import ContractRequest, verify_contract
-from servogen.cli.files import keep_apart, read_program, read_schedule_of
+from servogen.cli.files import check_outputs, read_program, read_schedule_of
 from servogen.cli.options import (
     CaptureRate,
     ClockHz,
@@ -168,7 +168,7 @@ def verify(
             "out-of-range",
             f"--seconds {seconds:g} is less than one frame of {schedule.period} cycles: nothing is compared",
         )
-    verdict, image = _judged(file, schedule, span, board, wires)
+    verdict, image = _verdict_on(file, schedule, span, board, wires)
     if json:
         as_json(verdict.to_json() | _run_json(schedule, image), verdict.warnings)
     else:
@@ -184,7 +184,7 @@ def _refuse_for_contract(forever: bool, rate: int | None) -> None:
             raise InputError("conflicting-options", message, Location(key=key), f"omit {key}")
 
 
-def _judged(
+def _verdict_on(
     file: Path,
     schedule: PulseSchedule,
     span: Cycles | None,
@@ -343,7 +343,7 @@ def measure(
     """Measure the pulses of a program (default: for 20 s) or of recorded edges, and warn about
     suspicious ones.
     """
-    keep_apart([file], files.schedule, files.contract)
+    check_outputs([file], files.schedule, files.contract)
     models = servos_named(servo or [])
     if device is not None or chip.given:
         refuse_chip_options(file)
@@ -379,7 +379,7 @@ def plot(
     device: OwnDevice = None,
 ) -> None:
     """Draw the pulses of a program or of recorded edges (default: the motion once, else 20 s)."""
-    keep_apart([path for path in (file, against) if path], output)
+    check_outputs([path for path in (file, against) if path], output)
     schedule = read_schedule_of(against) if against else None
     wires = wires_for(file, wire)
     if device is not None or chip.given:

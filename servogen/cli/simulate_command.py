@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from servogen.cli.chip_options import ChipOptions
-from servogen.cli.files import keep_apart, read_program
+from servogen.cli.files import check_outputs, read_program
 from servogen.cli.options import (
     MAX_CYCLES,
     ClockHz,
@@ -71,7 +71,9 @@ def simulate(
     json: Json = False,
 ) -> None:
     """Run a program from reset on the simulator (default: for one second)."""
-    keep_apart([path for path in (file, stimulus) if path], files.edges, files.vcd, files.trace, files.eeprom)
+    check_outputs(
+        [path for path in (file, stimulus) if path], files.edges, files.vcd, files.trace, files.eeprom
+    )
     program = read_program(file, device)
     clock = clock_of(program, clock_hz)
     span = _span(clock, seconds, cycles)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from servogen.cli.files import keep_apart, read_image
+from servogen.cli.files import check_outputs, read_image
 from servogen.cli.options import (
     Dialect,
     JobFile,
@@ -24,7 +24,7 @@ from servogen.workflows.retarget import tune_to
 
 
 @dataclass(frozen=True, slots=True)
-class OtherCompiler:
+class CompiledElsewhere:
     """What the other compiler made, and of what."""
 
     hex_file: Annotated[
@@ -42,7 +42,7 @@ class OtherCompiler:
 
 def tune(
     job: JobFile,
-    other: OtherCompiler,
+    foreign: CompiledElsewhere,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -57,19 +57,19 @@ def tune(
     and the next C has been written.
     """
     loaded = plan_job(load(job))
-    text = read_source(other.c_file) if other.c_file else ""
+    text = read_source(foreign.c_file) if foreign.c_file else ""
     spoken = (
-        other.dialect.value
-        if other.dialect
-        else dialect_of(included_names([(str(other.c_file), text)], beside_c))
-        if other.c_file
+        foreign.dialect.value
+        if foreign.dialect
+        else dialect_of(included_names([(str(foreign.c_file), text)], beside_c))
+        if foreign.c_file
         else loaded.firmware.dialect
     )
-    with status(f"{loaded.name}: measuring {other.hex_file.name}"):
-        source = Source(text, str(other.c_file)) if other.c_file else None
-        tuned = tune_to(loaded, read_image(other.hex_file), str(other.hex_file), spoken, source)
-    target = output or _next_c_file(other.c_file or other.hex_file.parent / f"main.{spoken}.c")
-    keep_apart([job, other.hex_file, *([other.c_file] if other.c_file else [])], target)
+    with status(f"{loaded.name}: measuring {foreign.hex_file.name}"):
+        source = Source(text, str(foreign.c_file)) if foreign.c_file else None
+        tuned = tune_to(loaded, read_image(foreign.hex_file), str(foreign.hex_file), spoken, source)
+    target = output or _next_c_file(foreign.c_file or foreign.hex_file.parent / f"main.{spoken}.c")
+    check_outputs([job, foreign.hex_file, *([foreign.c_file] if foreign.c_file else [])], target)
     if tuned.source:
         write_text(target, tuned.source)
     if json:
@@ -83,13 +83,13 @@ def tune(
         )
     else:
         rows = [(overhead.path, overhead.theirs, overhead.ours) for overhead in tuned.added]
-        table("Cycles beside the delays", ("path", other.hex_file.name, "servogen"), rows)
+        table("Cycles beside the delays", ("path", foreign.hex_file.name, "servogen"), rows)
         for line in verdict_lines(tuned.verdict):
             print(line)
         if tuned.source:
             print(f"not exact yet: compile {target}, then servogen tune {job} --hex … --c {target}")
         else:
-            print(f"{other.hex_file}: 0 cycles off")
+            print(f"{foreign.hex_file}: 0 cycles off")
     raise typer.Exit(0 if tuned.verdict.passed else 1)
 
 

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from servogen.cli.files import keep_apart
+from servogen.cli.files import check_outputs
 from servogen.cli.options import Json, StimulusFile
 from servogen.cli.show import as_json, next_step, status, table, warn_of_all
 from servogen.job import load, plan_job
@@ -81,7 +81,7 @@ def twin(
     json: Json = False,
 ) -> None:
     """Simulate the robot that a job's HEX drives: motors, supply, bodies and contacts (needs MuJoCo)."""
-    keep_apart(
+    check_outputs(
         [path for path in (job, run.hexfile, run.stimulus) if path], files.picture, files.film, files.csv
     )
     for path, suffixes, kind in ((files.picture, SUFFIXES, "picture"), (files.film, FILM_SUFFIXES, "film")):

@@ -17,7 +17,7 @@ MIN_FOLDED = 3
 
 def width_table(widths: Sequence[Quantised], unfolded: str = "--json") -> None:
     """Print one row for each width, and one for each ramp; of many, one for each servo."""
-    folded = list(_folded(widths))
+    folded = list(_rows_and_ramps(widths))
     many = len(folded) > MAX_WIDTH_ROWS
     if many:
         servos = dict.fromkeys(row.channel for row in widths)
@@ -33,7 +33,7 @@ def width_table(widths: Sequence[Quantised], unfolded: str = "--json") -> None:
         print(f"{len(widths)} widths, a row for each servo: {unfolded} has them all")
 
 
-def _folded(widths: Sequence[Quantised]) -> Iterator[list[Quantised]]:
+def _rows_and_ramps(widths: Sequence[Quantised]) -> Iterator[list[Quantised]]:
     """Yield each row alone, but neighbouring widths that no pose holds together: they are a ramp's."""
     for (_, held), group in groupby(widths, key=lambda row: (row.channel, row.held)):
         rows = list(group)

@@ -112,11 +112,11 @@ def steps_path(times: Floats, values: Floats) -> str:
 def points_path(x: Floats, y: Floats) -> str:
     """Return a path through points in pixels; NaN leaves a gap."""
     parts, pen = [], "M"
-    for one, other in zip(x.tolist(), y.tolist(), strict=True):
-        if math.isnan(one) or math.isnan(other):
+    for across, up in zip(x.tolist(), y.tolist(), strict=True):
+        if math.isnan(across) or math.isnan(up):
             pen = "M"
             continue
-        parts.append(f"{pen}{px(one)} {px(other)}")
+        parts.append(f"{pen}{px(across)} {px(up)}")
         pen = "L"
     return "".join(parts)
 
@@ -124,9 +124,9 @@ def points_path(x: Floats, y: Floats) -> str:
 def dots_path(x: Floats, y: Floats) -> str:
     """Return a path with a dot at each distinct point: a line of no length, of which the round caps show."""
     seen = dict.fromkeys(
-        (px(one), px(other))
-        for one, other in zip(x.tolist(), y.tolist(), strict=True)
-        if not (math.isnan(one) or math.isnan(other))
+        (px(across), px(up))
+        for across, up in zip(x.tolist(), y.tolist(), strict=True)
+        if not (math.isnan(across) or math.isnan(up))
     )
     return "".join(f"M{one} {other}h0" for one, other in seen)
 
@@ -170,8 +170,8 @@ def path_chart(
     spans = [high - low for low, high in ends]
     scale = largest / max(spans)
     width, height = (max(span * scale, 90.0) for span in spans)
-    x = Axis(*_widened(ends[0], width / scale), LEFT, LEFT + width)
-    y = Axis(*_widened(ends[1], height / scale), TOP + height, TOP)
+    x = Axis(*_margins_around(ends[0], width / scale), LEFT, LEFT + width)
+    y = Axis(*_margins_around(ends[1], height / scale), TOP + height, TOP)
     lines = []
     for index, (name, planned, achieved) in enumerate(tracks):
         colour = PALETTE[index % len(PALETTE)]
@@ -198,6 +198,6 @@ def _around(values: Floats) -> tuple[float, float]:
     return low - room, high + room
 
 
-def _widened(ends: tuple[float, float], span: float) -> tuple[float, float]:
+def _margins_around(ends: tuple[float, float], span: float) -> tuple[float, float]:
     spare = max(0.0, span - (ends[1] - ends[0])) / 2
     return ends[0] - spare, ends[1] + spare

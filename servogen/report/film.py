@@ -24,7 +24,7 @@ from servogen.motion.trajectory import Floats
 from servogen.outputs import write_bytes
 from servogen.report.pictures import check_suffix, new_figure
 from servogen.report.sticks import base_outline, leg_sticks, stick
-from servogen.report.tracks import End, ends_of, to_place
+from servogen.report.tracks import End, moved_ends, to_place
 from servogen.robot.model import Limb
 
 SUFFIXES = (".gif", ".mp4")
@@ -93,7 +93,7 @@ def job_scene(job: PlannedJob) -> FilmScene:
             *(FilmPart(list(line), "tab:blue", marks=False) for line in outline),
         ]
         return FilmScene(job.name, tuple(parts), step * frame_s, (90.0, -90.0))
-    ends = ends_of(job)
+    ends = moved_ends(job)
     if not ends:
         raise InputError(
             "missing-robot",

@@ -65,7 +65,7 @@ class GaitFacts:
     joints: tuple[JointFacts, ...]
 
 
-def facts_of(robot: WalkingRobot, planned: Walk) -> GaitFacts:
+def walk_facts(robot: WalkingRobot, planned: Walk) -> GaitFacts:
     """Return the facts of a whole walk, including its start and stop."""
     frame_s = float(planned.trajectory.clock.seconds(planned.trajectory.period))
     worst = int(np.argmin(np.round(planned.margins, SAME_DIGITS)))

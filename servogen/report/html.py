@@ -26,7 +26,7 @@ from servogen.report.motion_table import widths_us
 from servogen.report.robot_model import robot_model
 from servogen.report.signals import captured, frames_to_show, planned, pose_frames, shown_us, simulated
 from servogen.report.text import ProgramFacts, rounded_width, sentence
-from servogen.report.tracks import Track, error_rows, errors_of, tracks_of
+from servogen.report.tracks import Track, end_errors, end_tracks, error_rows
 from servogen.report.viewer import embedded_json, viewer_colours, viewer_module
 from servogen.report.wiring import open_drain, package, remarks, wires
 from servogen.template_files import template_folder
@@ -106,7 +106,7 @@ def html_page(facts: PageFacts) -> str:
 
 def _values(facts: PageFacts) -> dict[str, object]:
     schedule, job = facts.plan.schedule, facts.job
-    tracks = [track for track in tracks_of(job, schedule) if not np.isnan(track.planned).all()]
+    tracks = [track for track in end_tracks(job, schedule) if not np.isnan(track.planned).all()]
     frame_s = float(schedule.clock.seconds(schedule.period))
     return {
         "title": job.name,
@@ -123,7 +123,7 @@ def _values(facts: PageFacts) -> dict[str, object]:
         "widths": width_chart(schedule),
         "rounding": tuple(rounding(facts.plan)),
         "paths": tuple(path_charts(tracks, schedule.lead_in_frames)),
-        "errors": tuple(error_rows(errors_of(tracks), frame_s)),
+        "errors": tuple(error_rows(end_errors(tracks), frame_s)),
         "error_columns": ("end", "worst, mm", "rms, mm", "worst in frame", "at, s", *BY_JACOBIAN),
         **_signal_values(facts),
         "programs": tuple(program_values(program) for program in facts.programs),

@@ -20,7 +20,15 @@ from servogen.motion.gait.quasistatic import rigid_body_path
 from servogen.motion.loads import MIN_LEGS
 from servogen.motion.trajectory import Floats
 from servogen.pulse import PulsePlan
-from servogen.report.tracks import EndError, Track, ends_of, errors_of, standing_feet, tracks_of, worst_of
+from servogen.report.tracks import (
+    EndError,
+    Track,
+    end_errors,
+    end_tracks,
+    largest_error,
+    moved_ends,
+    standing_feet,
+)
 from servogen.robot.servo import Servo
 
 Ints = npt.NDArray[np.int64]
@@ -161,7 +169,7 @@ class PlanFacts:
     @property
     def worst(self) -> EndError | None:
         """Return the end whose error is greatest; None if the job has no ends."""
-        return worst_of(self.ends) if self.ends else None
+        return largest_error(self.ends) if self.ends else None
 
     def extent(self, end: EndError) -> tuple[list[float], list[float]]:
         """Return the least and the greatest x, y, z that an end is planned at."""
@@ -205,13 +213,13 @@ class PlanFacts:
 
 def plan_facts(job: PlannedJob, plan: PulsePlan, engine: bool = False) -> PlanFacts:
     """Return the facts of a job whose pulses are `plan`, rounded by whole cycles or by its `engine`."""
-    tracks = tracks_of(job, plan.schedule)
+    tracks = end_tracks(job, plan.schedule)
     return PlanFacts(
         job=job,
         plan=plan,
         servos=servo_facts(job),
         tracks=tracks,
-        ends=errors_of(tracks),
+        ends=end_errors(tracks),
         rigid_legs_end=rigid_legs_end(job),
         engine=engine,
     )
@@ -219,7 +227,7 @@ def plan_facts(job: PlannedJob, plan: PulsePlan, engine: bool = False) -> PlanFa
 
 def rigid_legs_end(job: PlannedJob) -> tuple[float, float, float] | None:
     """Return where rigid legs take the body of a walk (`motion.gait.quasistatic`); None for other jobs."""
-    ends = ends_of(job)
+    ends = moved_ends(job)
     angles = job.trajectory.angles
     if not isinstance(job.robot, WalkingRobot) or len(ends) < MIN_LEGS or np.isnan(angles).any():
         return None

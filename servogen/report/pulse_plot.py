@@ -169,20 +169,21 @@ def _lanes(channels: Sequence[PlottedPulses], frames: Sequence[PlottedFrame]) ->
     """Return each channel's row, 0 at the top: channels whose pulses overlap get rows of their own."""
     lanes: list[int] = []
     for index, channel in enumerate(channels):
-        taken = {
-            lanes[other]
-            for other in range(index)
+        occupied = {
+            lanes[earlier]
+            for earlier in range(index)
             for frame in frames
             if _overlap(
-                channel.within(frame.start, frame.end), channels[other].within(frame.start, frame.end)
+                channel.within(frame.start, frame.end), channels[earlier].within(frame.start, frame.end)
             )
         }
-        lanes.append(next(lane for lane in range(len(channels)) if lane not in taken))
+        lanes.append(next(lane for lane in range(len(channels)) if lane not in occupied))
     return lanes
 
 
-def _overlap(one: tuple[float, float] | None, other: tuple[float, float] | None) -> bool:
-    return one is not None and other is not None and one[0] < sum(other) and other[0] < sum(one)
+def _overlap(first: tuple[float, float] | None, second: tuple[float, float] | None) -> bool:
+    """Return whether two pulses, each its rise and width, are high at the same time."""
+    return first is not None and second is not None and first[0] < sum(second) and second[0] < sum(first)
 
 
 def _length(channels: Sequence[PlottedPulses], frame: PlottedFrame) -> float:

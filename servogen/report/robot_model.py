@@ -17,7 +17,7 @@ from servogen.kinematics.protocol import DrivingRobot
 from servogen.kinematics.transforms import frame_matrix
 from servogen.pulse import PulseSchedule
 from servogen.report.drawing import PALETTE
-from servogen.report.tracks import End, ends_of
+from servogen.report.tracks import End, moved_ends
 from servogen.robot.servo import Servo, servo
 from servogen.robot.servo_models import names
 from servogen.robot.servo_models import servo_model as catalogue_model
@@ -32,7 +32,7 @@ def robot_model(job: PlannedJob) -> dict[str, object]:
     order = sorted(mounts, key=lambda mount: math.atan2(mount.y, mount.x))
     return {
         "servos": [servo_model(servo, index) for index, servo in enumerate(job.servos)],
-        "ends": [_end(end) for end in ends_of(job)],
+        "ends": [_end(end) for end in moved_ends(job)],
         "body": [[mount.x, mount.y, mount.z] for mount in order],
         "base": None if job.base is None else _base(job, job.base),
     }

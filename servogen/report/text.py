@@ -18,7 +18,7 @@ from servogen.job import PlannedJob
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES, oscillator_for
 from servogen.pulse import Quantised
 from servogen.pulse.plan import PulsePlan
-from servogen.report.tracks import ERROR_COLUMNS, error_rows, errors_of, tracks_of, worst_of
+from servogen.report.tracks import ERROR_COLUMNS, end_errors, end_tracks, error_rows, largest_error
 from servogen.report.wiring import open_drain, remarks, wires
 from servogen.units import Clock, Cycles, counted
 from servogen.verify import Verdict, verdict_lines
@@ -166,10 +166,10 @@ def _motion(facts: BuildFacts) -> Iterator[str]:
 def _paths(facts: BuildFacts) -> Iterator[str]:
     """Yield the error of the schedule at the foot, tool or base; nothing if the servos move none."""
     schedule = facts.plan.schedule
-    errors = errors_of(tracks_of(facts.job, schedule))
+    errors = end_errors(end_tracks(facts.job, schedule))
     if errors:
         frame_s = float(schedule.clock.seconds(schedule.period))
-        worst = worst_of(errors)
+        worst = largest_error(errors)
         away = f"{1000 * worst.worst_m:z.3f} mm"
         yield f"The program's pulses put {worst.name} up to {away} from where it was planned."
         yield from _table(ERROR_COLUMNS, list(error_rows(errors, frame_s)))

@@ -72,7 +72,7 @@ class End:
 def standing_feet(job: PlannedJob, angles: Floats) -> tuple[Floats, tuple[float, float]]:
     """Return the feet (n, legs, 3) in the body's level frame, and the centre of mass over the ground."""
     posture = posture_of(job.section) if isinstance(job.section, WalkTable) else Posture()
-    feet = np.stack([end.points(angles) for end in ends_of(job)], axis=1)
+    feet = np.stack([end.points(angles) for end in moved_ends(job)], axis=1)
     centre = getattr(job.robot, "centre_of_mass", (0.0, 0.0, 0.0))
     return np.asarray(feet @ tilt(posture).T), level_centre(posture, centre)
 
@@ -106,7 +106,7 @@ class Track:
         return np.asarray(np.linalg.norm(self.shift, axis=1))
 
 
-def ends_of(job: PlannedJob) -> tuple[End, ...]:
+def moved_ends(job: PlannedJob) -> tuple[End, ...]:
     """Return the feet or the tool whose joints all have a servo; none for servos that move no robot."""
     column = {servo.name: index for index, servo in enumerate(job.servos)}
     by_joint = {binding.joint: binding for binding in job.bindings}
@@ -129,10 +129,10 @@ def ends_of(job: PlannedJob) -> tuple[End, ...]:
     return tuple(ends)
 
 
-def tracks_of(job: PlannedJob, schedule: PulseSchedule) -> tuple[Track, ...]:
+def end_tracks(job: PlannedJob, schedule: PulseSchedule) -> tuple[Track, ...]:
     """Return the tracks of all ends of the job; a driving robot has one, its base's."""
     asked = job.trajectory.angles
-    ends = ends_of(job)
+    ends = moved_ends(job)
     if not ends and not job.wheels:
         return ()
     achieved = made_angles(schedule, job.servos)
@@ -206,12 +206,12 @@ class EndError:
         }
 
 
-def errors_of(tracks: Sequence[Track]) -> tuple[EndError, ...]:
+def end_errors(tracks: Sequence[Track]) -> tuple[EndError, ...]:
     """Return the errors in the order of the tracks, without tracks that have no pulse."""
     return tuple(_error(track) for track in tracks if not np.isnan(track.error).all())
 
 
-def worst_of(errors: Sequence[EndError]) -> EndError:
+def largest_error(errors: Sequence[EndError]) -> EndError:
     """Return the end with the largest error."""
     return max(errors, key=lambda error: round(error.worst_m, SAME_DIGITS))
 

@@ -17,7 +17,7 @@ from servogen.plan_error import DECIMALS
 from servogen.pulse import PulseSchedule
 from servogen.pulse.plan import PulsePlan
 from servogen.pulse.plan import plan as nearest
-from servogen.report.tracks import errors_of, tracks_of, worst_of
+from servogen.report.tracks import end_errors, end_tracks, largest_error
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,10 +79,10 @@ def nearest_pulses(job: PlannedJob) -> tuple[PlannedJob, PulsePlan]:
 def with_end_error(job: PlannedJob, plan: PulsePlan) -> PulsePlan:
     """Return the plan with its error also at the foot, tool or base that the job's servos move."""
     error = plan.schedule.plan_error
-    ends = errors_of(tracks_of(job, plan.schedule))
+    ends = end_errors(end_tracks(job, plan.schedule))
     if error is None or not ends:
         return plan
-    worst = worst_of(ends)
+    worst = largest_error(ends)
     end = worst.name if worst.name == worst.kind else f"{worst.kind} {worst.name}"
     error = replace(error, end=end, end_mm=round(1000 * worst.worst_m, DECIMALS))
     return replace(plan, schedule=replace(plan.schedule, plan_error=error))

@@ -205,10 +205,10 @@ def test_a_warning_that_is_suppressed_must_exist() -> None:
     from servogen.compiler.diagnostics import WARNINGS
 
     one, two = sorted(WARNINGS)[:2]
-    assert compile_command._unwanted([]) == frozenset()
-    assert compile_command._unwanted([one, two]) == {one, two}
+    assert compile_command._known_codes([]) == frozenset()
+    assert compile_command._known_codes([one, two]) == {one, two}
     with pytest.raises(InputError, match="no warning has the code 'nothing'"):
-        compile_command._unwanted([one, "nothing"])
+        compile_command._known_codes([one, "nothing"])
 
 
 def test_assemble_writes_a_hex_and_perhaps_a_listing(run: Run, compiled: dict[str, Any]) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from servogen import programs
 from servogen.cli import files, show
-from servogen.cli.files import keep_apart
+from servogen.cli.files import check_outputs
 from servogen.errors import Diagnostic, InputError
 from servogen.workflows import job_program
 
@@ -45,10 +45,10 @@ def test_an_output_is_neither_read_nor_written_twice(
     Path("link").symlink_to("a")
     given = [None if name is None else Path(name) for name in outputs]
     if not message:
-        keep_apart([Path(name) for name in inputs], *given)
+        check_outputs([Path(name) for name in inputs], *given)
         return
     with pytest.raises(InputError, match=message) as refused:
-        keep_apart([Path(name) for name in inputs], *given)
+        check_outputs([Path(name) for name in inputs], *given)
     assert refused.value.first.code == "output-exists"
 
 

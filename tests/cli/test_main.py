@@ -271,9 +271,9 @@ def test_the_help_of_the_command_is_named(
     monkeypatch: pytest.MonkeyPatch, words: list[str], command: str
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["servogen", *words])
-    assert commands._command_of(SimpleNamespace()) == command
+    assert commands._command_name(SimpleNamespace()) == command
     context = SimpleNamespace(command_path="servogen other")
-    assert commands._command_of(SimpleNamespace(ctx=context)) == "servogen other"
+    assert commands._command_name(SimpleNamespace(ctx=context)) == "servogen other"
 
 
 @pytest.mark.parametrize(

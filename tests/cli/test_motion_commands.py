@@ -151,7 +151,7 @@ def planning(monkeypatch: pytest.MonkeyPatch, tables: Tables) -> dict[str, Any]:
         return seen["walk"]
 
     stand_in(monkeypatch, walk_module, "walk", plan)
-    stand_in(monkeypatch, gait_facts, "facts_of", lambda *_: seen["facts"])
+    stand_in(monkeypatch, gait_facts, "walk_facts", lambda *_: seen["facts"])
     stand_in(monkeypatch, gait_facts, "diagram", lambda rhythm: dict.fromkeys(dict(rhythm.lifts), ""))
     stand_in(monkeypatch, gait_facts, "walk_to_json", lambda *_: {"walk": 1})
     stand_in(monkeypatch, loads, "loads_of", lambda *_: None)

@@ -7,7 +7,7 @@ from pathlib import Path
 from servogen.job import PlannedJob, load, plan_job
 from servogen.pulse import PulseSchedule
 from servogen.pulse.plan import plan
-from servogen.report.tracks import Track, tracks_of
+from servogen.report.tracks import Track, end_tracks
 
 JOBS = Path(__file__).parents[2] / "jobs"
 
@@ -16,4 +16,4 @@ def planned(name: str) -> tuple[PlannedJob, PulseSchedule, tuple[Track, ...]]:
     """Return a job of jobs/ with its schedule and the tracks of its ends."""
     job = plan_job(load(JOBS / f"{name}.toml"))
     schedule = plan(job.trajectory, job.servos, job.frame).schedule
-    return job, schedule, tracks_of(job, schedule)
+    return job, schedule, end_tracks(job, schedule)

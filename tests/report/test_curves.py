@@ -18,7 +18,7 @@ from servogen.report import calibration_plot, drawing, motion_plot, pulse_plot
 from servogen.report.drawing import Axis, path_chart, time_chart
 from servogen.report.html import path_charts
 from servogen.report.pulse_plot import PlottedFrame, PlottedPulses
-from servogen.report.tracks import Kind, Track, tracks_of
+from servogen.report.tracks import Kind, Track, end_tracks
 from servogen.robot.calibration import Reading, fit
 from tests.report.test_html import job_file
 
@@ -54,7 +54,7 @@ def test_angles_and_widths_are_drawn_over_seconds(caught: Caught, tmp_path: Path
     figures = caught(motion_plot)
     job = plan_job(load(job_file(tmp_path)))
     schedule = plan(job.trajectory, job.servos, job.frame).schedule
-    motion_plot.motion_plot(job, schedule, tracks_of(job, schedule), Path("a.png"))
+    motion_plot.motion_plot(job, schedule, end_tracks(job, schedule), Path("a.png"))
     angles, widths = figures[0].axes
     times = pytest.approx([0.02 * frame for frame in range(11)])
     x, y = curve(angles.lines[0])
@@ -73,7 +73,7 @@ def test_paths_are_drawn_in_millimetres_and_lead_back_to_the_loops_beginning(
     figures = caught(motion_plot)
     job = plan_job(load(JOBS / f"{name}.toml"))
     schedule = plan(job.trajectory, job.servos, job.frame).schedule
-    tracks = tracks_of(job, schedule)
+    tracks = end_tracks(job, schedule)
     motion_plot.motion_plot(job, schedule, tracks, Path("a.png"))
     frames, start = len(job.trajectory.angles), job.trajectory.loop_start
     _, _, error, above, *side = figures[0].axes

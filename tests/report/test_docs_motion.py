@@ -14,7 +14,7 @@ from servogen.motion.gait.steps import Segment
 from servogen.motion.gait.walk import Walk, walk
 from servogen.motion.laws import law
 from servogen.pulse.plan import plan
-from servogen.report.tracks import errors_of, tracks_of, worst_of
+from servogen.report.tracks import end_errors, end_tracks, largest_error
 from servogen.units import Clock, Cycles
 from tests.motion.robots import hexapod
 
@@ -34,7 +34,7 @@ def rows(first_column: str) -> list[list[str]]:
 def test_the_error_of_each_job_is_the_one_told(row: list[str]) -> None:
     name, end, worst, rms = row
     job = plan_job(load(ROOT / "jobs" / f"{name}.toml"))
-    found = worst_of(errors_of(tracks_of(job, plan(job.trajectory, job.servos, job.frame).schedule)))
+    found = largest_error(end_errors(end_tracks(job, plan(job.trajectory, job.servos, job.frame).schedule)))
     assert found.name == end
     assert worst == f"{1000 * found.worst_m:.3f} mm, frame {found.frame}"
     assert rms == f"{1000 * found.rms_m:.3f} mm"

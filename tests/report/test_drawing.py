@@ -186,10 +186,10 @@ def test_there_is_room_around_the_values_of_a_chart(values: list[float], low: fl
 
 
 def test_a_short_axis_is_widened_on_both_sides() -> None:
-    assert drawing._widened((2.0, 4.0), 6.0) == (0, 6)
-    assert drawing._widened((-5.0, -1.0), 5.0) == (-5.5, -0.5)
-    assert drawing._widened((2.0, 4.0), 2.0) == (2, 4)
-    assert drawing._widened((2.0, 4.0), 1.0) == (2, 4)
+    assert drawing._margins_around((2.0, 4.0), 6.0) == (0, 6)
+    assert drawing._margins_around((-5.0, -1.0), 5.0) == (-5.5, -0.5)
+    assert drawing._margins_around((2.0, 4.0), 2.0) == (2, 4)
+    assert drawing._margins_around((2.0, 4.0), 1.0) == (2, 4)
 
 
 def test_paths_have_planned_lines_and_dots_where_they_were_made() -> None:

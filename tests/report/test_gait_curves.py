@@ -19,7 +19,7 @@ from servogen.motion.gait.steps import Segment
 from servogen.motion.gait.walk import Walk, walk
 from servogen.report import gait_plot
 from servogen.report.film import walk_scene
-from servogen.report.gait_facts import GaitFacts, diagram, facts_of
+from servogen.report.gait_facts import GaitFacts, diagram, walk_facts
 from servogen.units import Clock, Cycles
 
 PERIOD_S = 0.02
@@ -37,7 +37,7 @@ def drawn(
     """Return the axes: diagram, margin, springs, from above, from the side."""
     figures: list[Any] = []
     monkeypatch.setattr(gait_plot, "save", lambda figure, path: figures.append(figure))
-    shown = facts or facts_of(found, made)
+    shown = facts or walk_facts(found, made)
     gait_plot.gait_plot(found, gait("tripod", found), made, shown, Path("a.png"))
     return list(figures[0].axes)
 
@@ -164,14 +164,14 @@ def test_a_red_line_shows_where_the_walk_repeats(
 def test_a_robot_without_a_margin_has_no_curve_of_it(
     monkeypatch: pytest.MonkeyPatch, hexapod: Hexapod, made: Walk
 ) -> None:
-    alone = replace(facts_of(hexapod, made), margin=None)
+    alone = replace(walk_facts(hexapod, made), margin=None)
     _, margin, _, above, _ = drawn(monkeypatch, hexapod, made, alone)
     assert [line.get_linestyle() for line in margin.lines] == ["--"]
     assert len(margin.get_yticks()) == 0  # there are no millimetres to read
     assert margin.get_title() == "fewer than three legs: something else must hold the robot"
     assert len(above.lines) == 6  # the feet, neither polygon nor centre
     assert above.get_title() == "from above: the foot's path"
-    lifted = replace(facts_of(hexapod, made), margin=-math.inf)
+    lifted = replace(walk_facts(hexapod, made), margin=-math.inf)
     _, margin, *_ = drawn(monkeypatch, hexapod, made, lifted)
     assert "no foot on the ground" in margin.get_title()
     assert not [line for line in margin.lines if line.get_marker() == "o"]

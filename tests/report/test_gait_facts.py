@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from servogen.report import gait_facts
-from servogen.report.gait_facts import GaitFacts, JointFacts, facts_of, walk_to_json
+from servogen.report.gait_facts import GaitFacts, JointFacts, walk_facts, walk_to_json
 from servogen.units import Clock, Cycles
 
 FEET = np.full((4, 2, 3), -0.1)
@@ -65,21 +65,21 @@ def robot(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 def test_the_facts_of_a_walk_are_where_it_is_worst_first(robot: Any) -> None:
     """Margins within a nanometre are alike: the first counts. Springs as well."""
-    found = facts_of(robot, walked())
+    found = walk_facts(robot, walked())
     assert found.cycle_s == pytest.approx(0.5)
     assert (found.margin, found.margin_frame, found.margin_feet) == (0.01, 2, ("L",))
     near = walked(margins=np.array([0.02, 0.0100000001, 0.01, 0.03]))
-    assert facts_of(robot, near).margin_frame == 1
+    assert walk_facts(robot, near).margin_frame == 1
     assert (found.correction, found.correction_leg, found.correction_frame) == (0.005, "R", 1)
     assert (found.lift, found.body_height) == (0.03, pytest.approx(0.13))
     assert found.clearance == pytest.approx(0.04)
-    assert facts_of(robot, walked(minimum_margin_m=math.inf)).margin is None
-    assert facts_of(robot, walked(minimum_margin_m=-math.inf)).margin == -math.inf
+    assert walk_facts(robot, walked(minimum_margin_m=math.inf)).margin is None
+    assert walk_facts(robot, walked(minimum_margin_m=-math.inf)).margin == -math.inf
 
 
 def test_joints_have_their_range_and_their_greatest_speed_around_the_loop(robot: Any) -> None:
     """From 0.4 back to 0.1 in a frame of 20 ms is 15 rad/s, from 0.7 to 0.5 is 10; at first 0.5 is 25."""
-    first, second = facts_of(robot, walked()).joints
+    first, second = walk_facts(robot, walked()).joints
     assert (first.name, first.minimum, first.maximum, first.limits) == ("a", 0.0, 0.4, (-1.0, 2.0))
     assert (second.name, second.minimum, second.maximum, second.limits) == ("b", 0.5, 1.0, (-3.0, 4.0))
     assert (first.speed, second.speed) == (pytest.approx(15), pytest.approx(25))

@@ -10,7 +10,7 @@ import pytest
 from servogen.job import PlannedJob, loads, plan_job
 from servogen.pulse.plan import plan
 from servogen.report.film import job_scene
-from servogen.report.tracks import Track, ends_of, errors_of, made_angles, tracks_of, worst_of
+from servogen.report.tracks import Track, end_errors, end_tracks, largest_error, made_angles, moved_ends
 from tests.report.planned import planned
 
 JOBS = Path(__file__).parents[2] / "jobs"
@@ -22,7 +22,7 @@ def scaled(job: PlannedJob, share: float) -> tuple[Track, ...]:
     schedule = plan(job.trajectory, job.servos, job.frame).schedule
     off = share * (made_angles(schedule, job.servos) - job.trajectory.angles)
     found = []
-    for end in ends_of(job):
+    for end in moved_ends(job):
         asked = job.trajectory.angles
         before, after = end.points(asked), end.points(asked + off)
         found.append(Track(end.name, end.kind, before, after, end.shift(asked, off)))
@@ -44,7 +44,7 @@ def test_the_jacobian_and_the_direct_calculation_agree_to_first_order(name: str)
 
 @pytest.mark.parametrize("name", ARMED)
 def test_the_worst_and_rms_through_the_jacobian_are_the_direct_ones(name: str) -> None:
-    for each in errors_of(planned(name)[2]):
+    for each in end_errors(planned(name)[2]):
         assert each.first_order_worst_m == pytest.approx(each.worst_m, rel=0.01)
         assert each.first_order_rms_m == pytest.approx(each.rms_m, rel=0.01)
 
@@ -84,7 +84,7 @@ def test_angles_that_are_whole_cycles_have_no_error() -> None:
     head, _ = text.split("[motion]")
     poses = "[motion]\nposes = [{ vertical_deg = 90, horizontal_deg = 45, hold_s = 1 }]\n"
     job = plan_job(loads(head + poses, "job.toml"))
-    (error,) = errors_of(tracks_of(job, plan(job.trajectory, job.servos, job.frame).schedule))
+    (error,) = end_errors(end_tracks(job, plan(job.trajectory, job.servos, job.frame).schedule))
     assert (error.worst_m, error.rms_m) == pytest.approx((0, 0), abs=1e-15)
 
 
@@ -100,11 +100,11 @@ def test_frames_without_pulses_have_no_point_and_no_error() -> None:
     text = text.replace("hold_s = 0.1 }, ", "hold_s = 0.1, pause_s = 0.1, release = true }, ", 1)
     job = plan_job(loads(text, "job.toml"))
     schedule = plan(job.trajectory, job.servos, job.frame).schedule
-    (track,) = tracks_of(job, schedule)
+    (track,) = end_tracks(job, schedule)
     silent = np.isnan(job.trajectory.angles).any(axis=1)
     assert silent.sum() == 5
     assert (np.isnan(track.planned).all(axis=1) == silent).all()
-    assert math.isfinite(errors_of((track,))[0].rms_m)
+    assert math.isfinite(end_errors((track,))[0].rms_m)
 
 
 def test_servos_that_move_no_robot_have_no_track() -> None:
@@ -121,13 +121,13 @@ def test_the_base_ends_its_square_where_the_drive_says() -> None:
 
 
 def test_the_base_to_first_order_is_the_base_driven_but_for_a_hundredth() -> None:
-    (error,) = errors_of(planned("omni-square")[2])
+    (error,) = end_errors(planned("omni-square")[2])
     assert error.first_order_worst_m == pytest.approx(error.worst_m, rel=0.01)
 
 
 def test_the_worst_end_is_the_one_with_the_greatest_error_and_the_first_of_equal_ones() -> None:
-    errors = errors_of(planned("hexapod-tripod")[2])
-    worst = worst_of(errors)
+    errors = end_errors(planned("hexapod-tripod")[2])
+    worst = largest_error(errors)
     assert worst.worst_m == pytest.approx(max(each.worst_m for each in errors), abs=1e-9)
     assert worst.name == "L1"  # L1, R2 and L3 step alike
 
@@ -139,7 +139,7 @@ def test_the_wheels_may_be_listed_in_any_order() -> None:
     other = "[[servo]]".join([head, last, servos[1], servos[0]]) + "[drive]" + rest
     job = plan_job(loads(other, "job.toml"))
     assert [servo.name for servo in job.servos] == ["wheel3", "wheel2", "wheel1"]
-    (track,) = tracks_of(job, plan(job.trajectory, job.servos, job.frame).schedule)
+    (track,) = end_tracks(job, plan(job.trajectory, job.servos, job.frame).schedule)
     (usual,) = planned("omni-square")[2]
     assert track.planned == pytest.approx(usual.planned, abs=1e-12)
     assert track.made == pytest.approx(usual.made, abs=1e-12)
@@ -150,4 +150,4 @@ def test_speeds_given_wheel_by_wheel_have_no_known_base() -> None:
     text = (JOBS / "omni-square.toml").read_text().split("[drive]")[0]
     poses = "[motion]\nposes = [{ wheel1_deg_s = 90, wheel2_deg_s = 0, wheel3_deg_s = 0, hold_s = 1 }]\n"
     job = plan_job(loads(text + poses, "job.toml"))
-    assert tracks_of(job, plan(job.trajectory, job.servos, job.frame).schedule) == ()
+    assert end_tracks(job, plan(job.trajectory, job.servos, job.frame).schedule) == ()

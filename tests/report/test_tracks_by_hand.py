@@ -16,7 +16,15 @@ from servogen.kinematics.leg_kinds import LEG_KINDS
 from servogen.pulse import Channel, Pulse, PulseSchedule, Run
 from servogen.report import robot_model, tracks
 from servogen.report.drawing import PALETTE
-from servogen.report.tracks import EndError, Track, error_rows, errors_of, made_angles, to_place, worst_of
+from servogen.report.tracks import (
+    EndError,
+    Track,
+    end_errors,
+    error_rows,
+    largest_error,
+    made_angles,
+    to_place,
+)
 from servogen.units import Clock, Cycles
 
 JOBS = Path(__file__).parents[2] / "jobs"
@@ -35,7 +43,7 @@ def test_an_error_is_a_distance_and_its_worst_the_first_within_a_nanometre() -> 
     rows = [[0, 0, 0], [0.003, 0.004, 0], [0, 0.003, 0.0040000000001], [0.005, 0, 0], [NAN] * 3]
     found = track("L1", rows, [[0, 0, 0], [0, 0, 0.001], [0, 0, 0], [0, 0.0, 0], [NAN] * 3])
     assert found.error == pytest.approx([0, 0.005, 0.005, 0.005, NAN], nan_ok=True)
-    (error,) = errors_of([found, track("R1", [[NAN] * 3])])
+    (error,) = end_errors([found, track("R1", [[NAN] * 3])])
     assert (error.name, error.kind, error.frame) == ("L1", "foot", 1)
     assert error.worst_m == pytest.approx(0.005)
     assert error.rms_m == pytest.approx(0.005 * math.sqrt(3 / 4))
@@ -55,8 +63,8 @@ def error(name: str, worst: float) -> EndError:
 
 
 def test_the_worst_end_is_the_first_within_a_nanometre() -> None:
-    assert worst_of([error("a", 0.001), error("b", 0.001000002), error("c", 0.0009)]).name == "b"
-    assert worst_of([error("a", 0.001), error("b", 0.0010000000001)]).name == "a"
+    assert largest_error([error("a", 0.001), error("b", 0.001000002), error("c", 0.0009)]).name == "b"
+    assert largest_error([error("a", 0.001), error("b", 0.0010000000001)]).name == "a"
 
 
 def test_errors_are_shown_in_millimetres_and_seconds() -> None:
