@@ -17,6 +17,7 @@ from servogen.workflows.capture import Captured, CaptureSettings, capture_by_sig
 from servogen.workflows.capture import capture as captured
 
 DEFAULT_RATE = 1_000_000
+"""Samples per second: one for each instruction cycle of a chip with a 4 MHz clock."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,7 +23,7 @@ from servogen.cli.show import as_json, json_line, warn
 from servogen.drive.controller import ServoController, controller_of
 from servogen.drive.request import DriveRequest, course_of
 from servogen.drive.serial_link import NullWire, Opener, SerialLink, Time, VirtualTime, port_opener
-from servogen.drive.session import DriveSession, Log, Summary
+from servogen.drive.session import ARRIVE_S, DriveSession, Log, Summary
 from servogen.drive.steering import Rates
 from servogen.engines.stream.protocol import BYTES
 from servogen.errors import Diagnostic, InputError, Location, ToolError
@@ -78,7 +78,7 @@ class DriveOptions:
             max=4,
             help="How long a stream engine takes to move all servos to the first pose.",
         ),
-    ] = 1.0
+    ] = ARRIVE_S
 
     def of_terminal(self, wire: WireOptions) -> DriveRequest:
         """Return the request, of single keys where somebody types them."""

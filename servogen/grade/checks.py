@@ -119,6 +119,7 @@ ROUNDED = 6
 
 ARROW = " → "
 SHOWN_ROUNDS = 2
+"""The rounds of a task whose positions are named: the second shows whether a motion repeats."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -144,6 +144,7 @@ def _without_pulses(lab: Lab, seconds: float, *reasons: str) -> Grade:
 
 
 MAX_WIRINGS = 64
+"""The most wirings that are tried, each with all solutions; four servos on four free pins have 24."""
 
 
 def judge(lab: Lab, watched: Watched, chip: ChipFacts) -> Grade:

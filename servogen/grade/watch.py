@@ -34,7 +34,8 @@ GLITCH_US = 250
 shows what its latch holds at power-up. No servo takes so short a pulse."""
 
 PAUSE_PERIODS = 3
-"""The number of median periods beyond which the time from rise to rise contains a pause."""
+"""The number of median periods beyond which the time from rise to rise contains a pause: one or two
+missing pulses are none."""
 
 
 class PinPulses(NamedTuple):

@@ -29,6 +29,7 @@ from servogen.robot.model import Limb
 
 SUFFIXES = (".gif", ".mp4")
 DOTS_PER_INCH = 80
+"""Fewer than a picture has, since a film consists of up to `MAX_PICTURES` of them."""
 ROOM = 0.08
 """The free space around the robot as a share of its size."""
 

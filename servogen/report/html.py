@@ -40,11 +40,11 @@ ALONE = "Positions come over the serial line; this page shows what the chip does
 BY_JACOBIAN = ("worst by the Jacobian, mm", "rms by the Jacobian, mm")
 
 FIRST_FRAMES = 4
-"""The number of frames of the pulses that are shown at first."""
+"""The number of frames of the pulses that are shown at first: widths are still legible on a phone."""
 
 
 FEW = 2
-"""The number of reasons named for an unbounded call."""
+"""The number of reasons named for an unbounded call: they stand in a cell of a table."""
 
 
 @dataclass(frozen=True, slots=True)

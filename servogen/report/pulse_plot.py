@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 Floats = npt.NDArray[np.float64]
 
 MAX_FRAMES_SHOWN = 6
+"""The maximum number of frames drawn: more are too small to read the widths in them."""
 MAX_FRAMES_READ = 50_000
 """The maximum number of frames read: 15 minutes of servo pulses, or a second of a pin that toggles fast."""
 
