@@ -32,7 +32,7 @@ export function edgesOf(pulses, floating, begin, end) {
     if (rise >= begin) edges.push({ cycle: rise, pin, level: 1 });
     if (rise + width < end) edges.push({ cycle: rise + width, pin, level: 0 });
   }
-  // Behind a pulse's end at the same cycle, which sorting keeps there; a pin that floats no more and is high rises.
+  // Behind a pulse's end at the same cycle, where sorting keeps them; a pin that is driven high rises already.
   edges.push(...floating.filter(edge => edge.level !== 1));
   return edges.sort((before, after) => before.cycle - after.cycle);
 }

@@ -114,7 +114,7 @@ def test_a_page_lets_only_its_own_script_run(running: Running) -> None:
     for _ in range(2):
         _, text, headers = running.get(f"/{running.token}/{quote('ana+main.c.html')}")
         (nonce,) = re.findall(r"script-src 'nonce-([^']+)';", headers["Content-Security-Policy"])
-        assert len(nonce) >= 20 and text.count(f'<script nonce="{nonce}">') == 1
+        assert len(nonce) >= 20 and text.count(f'<script type="module" nonce="{nonce}">') == 1
         assert "connect-src 'none'" in headers["Content-Security-Policy"]
         seen.add(nonce)
     assert len(seen) == 2
