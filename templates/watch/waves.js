@@ -1,6 +1,6 @@
 // The pins over time, painted on a canvas: zoom, two cursors, what the schedule asks for, differences in red.
-// Times are cycles. What the pins did comes as pulses, packed: the time from the rise before, the width, the pin;
-// other changes as edges, packed: the time from the edge before, then 4 * pin + level.
+// Times are cycles. What the pins did comes as pulses, packed: the time from the rise before, the width, the
+// pin; other changes as edges, packed: the time from the edge before, then 4 * pin + level.
 // A part of viewer.js, behind robot.js.
 
 const HEAD = 24, ROW = 30, ROWS = [22, 320];   // pixels: the least and the greatest height of a row that fits
@@ -24,15 +24,15 @@ export function unpackPulses(packed, begin) {
   return pulses;
 }
 
-// The changes of level to be painted: those of pulses, as far as they are inside of a window, and of pins that
-// begin or cease to float.
+// The changes of level to be painted: those of pulses, as far as a window has them, and of pins that begin or
+// cease to float.
 export function edgesOf(pulses, floating, begin, end) {
   const edges = [];
   for (const { pin, rise, width } of pulses) {
     if (rise >= begin) edges.push({ cycle: rise, pin, level: 1 });
     if (rise + width < end) edges.push({ cycle: rise + width, pin, level: 0 });
   }
-  // Behind a pulse's end at the same cycle, where sorting keeps them; a pin that is driven high rises already.
+  // Behind a pulse's end at the same cycle, where sorting keeps them; driven high, a pin rises already.
   edges.push(...floating.filter(edge => edge.level !== 1));
   return edges.sort((before, after) => before.cycle - after.cycle);
 }
