@@ -54,7 +54,7 @@ def robots(
     ] = None,
     picture: Annotated[
         Path | None,
-        typer.Option("--plot", help="Draw this arm's kinematic scheme: .png, .svg or .pdf."),
+        typer.Option("--plot", help="Draw its kinematic scheme: .png, .svg or .pdf."),
     ] = None,
     json: Json = False,
 ) -> None:
@@ -133,8 +133,9 @@ def _draw_scheme(name: str | None, path: Path) -> None:
         raise InputError(
             "missing-option", "which robot should be drawn?", hint="servogen robots scara --plot scara.png"
         )
-    scheme_plot(arm(name), path)
-    print(next_step("fk", name))
+    chosen = robot(name)
+    scheme_plot(chosen, path)
+    print(next_step("gait" if isinstance(chosen, WalkingRobot) else "fk", name))
 
 
 def _write_mjcf(name: str | None, path: Path) -> None:
@@ -390,11 +391,12 @@ def transform(
     text: Annotated[
         str,
         typer.Argument(
-            help="A product such as 'Ry(30) Tx(50) Rz(60)', in degrees; inv(…) and (…)^-1 are inverses."
+            help="A product such as 'Ry(30) Tx(50) Rot(1, 1, 1, 60)', in degrees; inv(…), (…)^-1: inverses."
         ),
     ],
     point: Annotated[
-        list[float] | None, typer.Argument(help="The point's x y z.", parser=number, show_default=False)
+        list[float] | None,
+        typer.Argument(help="The point: x y z, or homogeneous X Y Z W.", parser=number, show_default=False),
     ] = None,
     json: Json = False,
 ) -> None:

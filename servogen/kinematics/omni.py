@@ -108,12 +108,12 @@ class OmniBase:
         return (arc(self, routine),)
 
     def outline(self) -> tuple[Complexes, ...]:
-        """Return the rim, a line to the front and the three wheels."""
+        """Return the rim, a line to the front and the three wheels, by number."""
         out, half = self.wheel_distance, 1j * self.wheel_radius
         rim, front = out * np.exp(1j * np.linspace(0, 2 * np.pi, 49)), np.array([0, 0.8 * out], complex)
         wheels = [
             direction * np.array([out - half, out + half])
-            for direction in np.exp(1j * np.radians([60, 180, 300]))
+            for direction in np.exp(1j * np.radians([60, 300, 180]))
         ]
         return (rim, front, *wheels)
 

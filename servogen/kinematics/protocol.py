@@ -230,7 +230,7 @@ class DrivingRobot(Robot, Protocol):
         """
 
     def outline(self) -> tuple[Complexes, ...]:
-        """Return the lines (corners,) to draw it with, x + iy in metres in the body frame."""
+        """Return the lines (corners,) to draw it with, x + iy in metres in the body frame; wheels last."""
 
 
 def mounts_of(robot: Robot) -> tuple[Mount, ...]:

@@ -316,13 +316,19 @@ def _mobility_facts(mobility: Mobility) -> Answer:
 
 
 def transform_answer(text: str, point: Sequence[float] = ()) -> Answer:
-    """Return the matrix of a product of transforms and, if `point` is given, where it moves that point."""
-    if len(point) not in (0, 3):
+    """Return the matrix of a product of transforms and, if `point` is given, where it moves that point: three
+    coordinates, or four homogeneous ones (X, Y, Z, W), of which W = 0 is a direction.
+    """
+    if len(point) not in (0, 3, 4):
         raise InputError(
-            "wrong-count", f"a point has three coordinates, not {len(point)}", Location(key="point")
+            "wrong-count",
+            f"a point has three coordinates, or four homogeneous ones, not {len(point)}",
+            Location(key="point"),
         )
     matrix = parse(text)
     answer: Answer = {"matrix": _plain(matrix)}
+    if len(point) == 4:
+        return answer | {"point": _plain(matrix @ _finite(point))}
     return answer | {"point": _plain(apply(matrix, _finite(point)))} if len(point) else answer
 
 

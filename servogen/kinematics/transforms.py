@@ -186,7 +186,10 @@ def to_leg(mount: Mount, points: ArrayLike) -> Floats:
 
 _FACTOR = re.compile(r"(?P<word>[A-Za-z]+)\s*\((?P<inside>[^()]*)\)")
 _BETWEEN = re.compile(r"[\s*·]*")
-_HINT = "Rx(deg) Ry(deg) Rz(deg) Tx(mm) Ty(mm) Tz(mm) Rot(axis, deg) Trans(x, y, z) inv(…) (…)^-1"
+_HINT = (
+    "Rx(deg) Ry(deg) Rz(deg) Tx(mm) Ty(mm) Tz(mm) Rot(axis, deg) Rot(x, y, z, deg) Trans(x, y, z) "
+    "inv(…) (…)^-1"
+)
 
 
 MAX_NUMBER = 1e9
@@ -260,6 +263,11 @@ def _factor(name: str, inside: list[str], position: int) -> Floats:
     word = name.lower()
     if word == "rot" and len(inside) == 2 and inside[0].strip().lower() in ("x", "y", "z"):
         return _turn(inside[0].strip().lower(), _number(inside[1], position))
+    if word == "rot" and len(inside) == 4:
+        *axis, turned = (_number(number, position) for number in inside)
+        if not any(axis):
+            raise _error(position, "an axis of length 0 has no direction")
+        return _turn_about(np.array(axis), turned)
     if word == "trans" and len(inside) == 3:
         return translation(*(_number(number, position) for number in inside))
     if len(word) == 2 and word[0] in "rt" and word[1] in "xyz" and len(inside) == 1:
@@ -275,6 +283,12 @@ def _turn(axis: str, degrees: float) -> Floats:
     return frame_matrix(
         {"x": FixedFrame(rx=angle), "y": FixedFrame(ry=angle), "z": FixedFrame(rz=angle)}[axis]
     )
+
+
+def _turn_about(axis: Floats, degrees: float) -> Floats:
+    """Return Rodrigues' rotation about any axis, by degrees."""
+    cross, angle = skew(axis / np.linalg.norm(axis)), radians(degrees)
+    return transform(np.eye(3) + np.sin(angle) * cross + 2 * np.sin(angle / 2) ** 2 * (cross @ cross))
 
 
 def _number(text: str, position: int) -> float:

@@ -66,7 +66,7 @@ def test_the_outline_is_a_rim_a_front_and_wheels_across_their_spokes() -> None:
     assert np.abs(rim) == pytest.approx(np.full(len(rim), 0.135))
     assert rim[0] == pytest.approx(rim[-1])
     assert front[0] == 0 and front[1].imag == 0 and 0 < front[1].real < 0.135
-    for wheel, degrees in zip(wheels, (60, 180, 300), strict=True):
+    for wheel, degrees in zip(wheels, (60, 300, 180), strict=True):
         spoke = np.exp(1j * math.radians(degrees))
         assert wheel.mean() == pytest.approx(0.135 * spoke)
         assert abs(wheel[1] - wheel[0]) == pytest.approx(0.08)

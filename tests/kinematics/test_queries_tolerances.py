@@ -113,7 +113,10 @@ def test_a_jacobian_s_answer_is_in_metres_and_radians_per_second() -> None:
         (lambda: q.transform_answer("Rx(1)", (1, 2, 1.1e9)), "1.1e+09 is not a number from -1e+09 to 1e+09"),
         (lambda: q.fk_answer("scara", (1, 2, -2e9, 4)), "-2e+09 is not a number from -1e+09 to 1e+09"),
         (lambda: q.fk_answer("scara", (1, 2, math.nan, 4)), "1, 2, nan, 4: every number must be finite"),
-        (lambda: q.transform_answer("Rx(1)", (1, 2, 3, 4)), "a point has three coordinates, not 4"),
+        (
+            lambda: q.transform_answer("Rx(1)", (1,) * 5),
+            "a point has three coordinates, or four homogeneous ones, not 5",
+        ),
         (lambda: q.jacobian_symbolic("scara", 1), "in the frame 0 or n, not 1"),
         (lambda: q.fk_symbolic("scara", "html"), "unknown style 'html'"),
         (lambda: q.orientation_answer("zyz2", (1, 2, 3)), "'zyz2' is not a form of an orientation"),

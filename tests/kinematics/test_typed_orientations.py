@@ -100,3 +100,28 @@ def test_parentheses_that_do_not_match_are_shown(text: str, column: int, message
         parse(text)
     assert caught.value.location is not None
     assert caught.value.location.column == column
+
+
+@pytest.mark.parametrize("axis", [(1, 1, 1), (0, 0, -2), (3, -4, 12), (1e-3, 0, 0)])
+def test_a_turn_about_any_axis_is_typed_as_a_transform(axis: tuple[float, ...]) -> None:
+    """Euler's R v = v cos θ + (a × v) sin θ + a (a·v)(1 - cos θ), for three vectors."""
+    unit, angle = np.array(axis) / np.linalg.norm(axis), np.radians(70)
+    matrix = np.array(queries.transform_answer(f"Rot({','.join(map(str, axis))},70)")["matrix"])
+    for v in np.eye(3) + 0.25:
+        turned = (
+            v * np.cos(angle) + np.cross(unit, v) * np.sin(angle) + unit * (unit @ v) * (1 - np.cos(angle))
+        )
+        np.testing.assert_allclose(matrix[:3, :3] @ v, turned, atol=1e-12)
+    assert matrix[:3, 3].tolist() == [0, 0, 0]
+
+
+def test_a_homogeneous_point_is_divided_by_w_and_a_direction_is_not_moved() -> None:
+    point = queries.transform_answer("Trans(3,4,3) Ry(90)", (-4, 6, 2, 2))["point"]
+    assert point == pytest.approx([8, 14, 10, 2])  # (4, 7, 5), which (-2, 3, 1) moves to
+    assert queries.transform_answer("Trans(3,4,3)", (1, 2, 3, 0))["point"] == [1, 2, 3, 0]
+
+
+@pytest.mark.parametrize("text", ["Rot(0,0,0,30)", "Rot(1,2,3)", "Rot(x,1,2,3)"])
+def test_an_axis_without_a_direction_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match="column 1"):
+        queries.transform_answer(text)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from servogen.kinematics.catalogue import arm
+from servogen.kinematics.catalogue import arm, robot
 from servogen.report.scheme import joint_axes, scheme_plot
 
 
@@ -33,3 +33,27 @@ def test_a_scheme_is_drawn_with_the_name_of_each_joint(tmp_path: Path, name: str
     for joint in arm(name).joints:
         rows = sum(row.joint is not None and arm(name).joints[row.joint] is joint for row in arm(name).rows)
         assert sum(label.count(joint.name) for label in labels) == 2 * rows, "once in each view"
+
+
+def labels_of(name: str, file: Path) -> list[str]:
+    scheme_plot(robot(name), file)
+    return [
+        name for label in re.findall("<!-- (.*?) -->", file.read_text("utf-8")) for name in label.split(", ")
+    ]
+
+
+@pytest.mark.parametrize("name", ["hexapod", "quadruped-coxa-femur-tibia"])
+def test_a_walking_robot_has_every_foot_by_name_and_the_joints_of_one_leg(tmp_path: Path, name: str) -> None:
+    pytest.importorskip("matplotlib")
+    found = labels_of(name, tmp_path / "scheme.svg")
+    for limb in robot(name).limbs:
+        assert found.count(limb.name) == 2, "once in each view"
+    for joint in robot(name).limbs[0].arm.joints:
+        assert found.count(joint.name) in (2, 4), "the lab's leg has two parallel axes of one joint"
+
+
+def test_a_base_is_drawn_from_above_with_its_wheels_by_number(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    found = labels_of("omni", tmp_path / "scheme.svg")
+    assert [found.count(f"wheel {number}") for number in (1, 2, 3, 4)] == [1, 1, 1, 0]
+    assert "from above" in found and "from the side" not in found
