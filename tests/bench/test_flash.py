@@ -179,10 +179,10 @@ def test_an_empty_socket_is_told(run: Run, program: Path, serve: Serve) -> None:
 def test_a_silent_programmer_is_told(run: Run, program: Path, serve: Serve) -> None:
     """picpro itself waits 10 s for an answer."""
     port = serve({"programmer": programmer(silent=True)}).paths["programmer"]
-    done = run("flash", program, "--programmer", "picpro", "--port", port, "--timeout", 2)
+    done = run("flash", program, "--programmer", "picpro", "--port", port, "--timeout", 1)
     assert done.code == 3
     assert (
-        f"{port}: error: picpro did not end within 2 s and printed nothing: does the programmer answer?"
+        f"{port}: error: picpro did not end within 1 s and printed nothing: does the programmer answer?"
         in done.err
     )
 
