@@ -7,7 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import distributed
 import pytest
 
 PROGRAMS = Path(__file__).parents[1] / "grade" / "programs"
@@ -154,6 +153,8 @@ def test_a_scheduler_that_is_not_there_is_a_missing_tool(run: Run, monkeypatch: 
 def test_a_dask_cluster_gives_the_same_grades(run: Run) -> None:
     files = [PROGRAMS / "lab8-right" / "delays.c", PROGRAMS / "lab8-wrong" / "pause.c"]
     alone = run("grade", "lab8-exercise", *files, "--json")
+    import distributed  # slow: only a campaign needs it
+
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None, protocol="tcp"
     ) as cluster:
