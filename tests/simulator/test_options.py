@@ -112,7 +112,7 @@ def test_without_start_values_everything_is_0_and_with_a_seed_anything() -> None
     state = powered().state()
     assert (set(state.ram), state.w, state.status, state.registers["FSR"]) == ({0}, 0, 0x18, 0)
     assert (state.registers["LATA"], state.registers["LATB"], state.registers["INTCON"]) == (0, 0, 0)
-    seen = [powered(start_seed=seed).state() for seed in range(40)]
+    seen = [powered(start_seed=seed).state() for seed in range(200)]  # RBIF is rarely 0: RB4 to RB7 differ
     for name, mask in (("FSR", 0xFF), ("TMR0", 0xFF), ("LATA", 0x1F), ("LATB", 0xFF), ("EECON1", 8),
                        ("INTCON", 1), ("EEDATA", 0xFF), ("EEADR", 0xFF), ("STATUS", 7)):  # fmt: skip
         values = [one.registers[name] for one in seen]
@@ -121,7 +121,7 @@ def test_without_start_values_everything_is_0_and_with_a_seed_anything() -> None
             every, some = every & value, some | value
         fixed = 0x18 if name == "STATUS" else 0
         assert (every, some) == (fixed, mask | fixed), name
-    assert len({one.ram for one in seen}) == 40
+    assert len({one.ram for one in seen}) == 200
     assert powered(start_seed=3).state() == powered(start_seed=3).state()
     assert powered(start_seed=3, start=(("w", 9),)).state().w == 9
 
