@@ -93,9 +93,11 @@ class Window:
     unwanted: dict[str, Event] = field(default_factory=dict)
     """What ends a check or a build that goes on for this window."""
 
-    def end_work(self) -> None:
-        for stop in self.unwanted.values():
-            stop.set()
+    def end_work(self, *kinds: str) -> None:
+        """End the work of some kinds: "check", "save", "build"."""
+        for kind in kinds:
+            if kind in self.unwanted:
+                self.unwanted[kind].set()
 
 
 class Room:
@@ -138,7 +140,7 @@ class Room:
         if self._loading is not None:
             self._loading.cancel()
         for window in self._windows.values():
-            window.end_work()
+            window.end_work("check", "save", "build")
         self._loading, self._subject, self._windows = None, None, {}
 
     def refuse(self, window: ServerConnection, text: str) -> None:
@@ -235,7 +237,7 @@ class Room:
                     window = self._opened(str(message.get("window", ""))[:64], socket, message)
                     continue
                 if message.get("do") == "stop":
-                    window.end_work()
+                    window.end_work("save", "build")
                 elif message.get("do") in ("check", "save", "build", "record", "pose"):
                     self._begin(self._edit(window, message))  # a stop must not wait for a build
                 elif window.session is not None:
@@ -245,8 +247,7 @@ class Room:
         finally:
             if window is not None and window.socket is socket:
                 window.socket = None
-                if "check" in window.unwanted:
-                    window.unwanted["check"].set()
+                window.end_work("check")
                 self._forget()
 
     def _opened(

@@ -552,8 +552,11 @@ def test_a_stop_does_not_wait_for_a_build() -> None:
 
 def test_a_newer_text_ends_the_plan_of_the_older_one_and_a_build_can_be_stopped() -> None:
     """The plan of a text that takes forever is not waited for; only the newest text is answered."""
+    gate = threading.Event()
 
     def handle(message: Any, stop: threading.Event) -> Any:
+        if message["text"] == "soon":
+            assert gate.wait(60)
         if "forever" in message["text"]:
             assert stop.wait(60)
             return {"is": "stopped", "saved": True}, None
@@ -573,9 +576,13 @@ def test_a_newer_text_ends_the_plan_of_the_older_one_and_a_build_can_be_stopped(
             socket.send(json.dumps({"do": "build", "text": "forever", "over": ""}))
             socket.send(json.dumps({"do": "check", "text": "short", "number": 3}))
             assert messages(socket, "checked")[-1]["number"] == 3, "no check waits for a build"
+            socket.send(json.dumps({"do": "check", "text": "soon", "number": 4}))
             socket.send(json.dumps({"do": "stop"}))
             assert messages(socket, "stopped")[-1]["saved"]
+            gate.set()
+            assert messages(socket, "checked")[-1]["number"] == 4, "the plan is still wanted"
     finally:
+        gate.set()
         served.stop()
 
 
