@@ -21,6 +21,7 @@ from servogen.job.tip import Tip
 from servogen.motion import Pose
 from servogen.motion.follow import SMALL, Branch, ChangesBranch, Followed, LeavesReach, trace
 from servogen.motion.paths import Arc, StraightLine, arc
+from servogen.motion.poses import QUICKEST
 from servogen.motion.trajectory import Floats
 from servogen.robot.servo import Servo
 from servogen.toml.file import Document, exact, shown, unknown_key
@@ -182,6 +183,13 @@ class _Reader:
                     "remove via = true",
                 )
         law = row.law or table.law
+        if law == QUICKEST and row.move_s:
+            raise self.document.error(
+                "pose-keys",
+                (*key, "move_s"),
+                f'law = "{QUICKEST}" has no time of its own: the joints\' limits decide',
+                "remove move_s, or give the pose another law",
+            )
         timeless = law is not None or row.via or row.path != "joint"
         move_s = exact(row.move_s) if row.move_s is not None else None if timeless else Fraction(0)
         return Pose(

@@ -26,7 +26,7 @@ Point = tuple[Coordinate, Coordinate, Coordinate]
 Length = Annotated[float, Field(ge=0, le=MAX_MM)]
 Tilt = Annotated[float, Field(ge=-45, le=45)]
 Seconds = Annotated[float, Field(ge=0, le=MAX_S)]
-LawName = Literal["linear", "cubic", "quintic", "trapezoid", "s-curve"]
+LawName = Literal["linear", "cubic", "quintic", "trapezoid", "s-curve", "fastest"]
 Sign = Literal["positive", "negative"]
 if TYPE_CHECKING:
     EngineName = str

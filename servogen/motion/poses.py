@@ -24,6 +24,9 @@ from servogen.motion.limits import JointLimits
 from servogen.motion.trajectory import MAX_FRAMES, Floats, JointTrajectory, Part
 from servogen.units import Clock, Cycles
 
+QUICKEST = "fastest"
+"""The law of a move that at every place is as fast as some joint allows: it has no time of its own."""
+
 OFF_THE_PATH_M = 1e-3
 """A warning is given if the distance from a path between two frames exceeds that at the frames by more."""
 
@@ -187,7 +190,9 @@ class _Sampler:
             if pose.path is not None:
                 self._along(pose, pose.path)
             elif pose.move_s is None:
-                self._add(moves.fastest_straight(start, end, pose.law, limits, frame_s), pose)
+                # On a straight course a constant acceleration, speed and deceleration are the fastest.
+                law = "trapezoid" if pose.law == QUICKEST else pose.law
+                self._add(moves.fastest_straight(start, end, law, limits, frame_s), pose)
             else:
                 frames = self._count(pose.move_s, "move_s", pose)
                 self._add(moves.straight(start, end, pose.law, frames), pose)
@@ -199,7 +204,9 @@ class _Sampler:
         frame_s, limits = float(self.period_s), self.motion.limits
         number = next(number for number, other in enumerate(self.motion.poses, 1) if other is pose)
         move: Followed | None
-        if pose.move_s is None:
+        if pose.law == QUICKEST:
+            move = moves.quickest_along(path, limits, frame_s)
+        elif pose.move_s is None:
             move = moves.fastest_along(path, pose.law, limits, frame_s)
         else:
             move = moves.along(path, pose.law, self._count(pose.move_s, "move_s", pose))
@@ -216,7 +223,8 @@ class _Sampler:
         if move.chord_error_m <= move.missed_m + OFF_THE_PATH_M:
             self.notes.append(Diagnostic("note", "off-the-path", followed, pose.place))
         else:
-            followed += _slower(pose, path, len(move.angles) - 1, frame_s)
+            if pose.law != QUICKEST:
+                followed += _slower(pose, path, len(move.angles) - 1, frame_s)
             self.warnings.append(Diagnostic("warning", "off-the-path", followed, pose.place))
 
     def _through(self, chain: Sequence[Pose], closed: bool) -> None:
@@ -233,7 +241,10 @@ class _Sampler:
                 )
         if timed[0] is None:
             limits, frame_s = self.motion.limits, float(self.period_s)
-            self._add(moves.fastest_through(points, limits, frame_s, closed), chain[-1])
+            if chain[-1].law == QUICKEST and not closed:
+                self._add(moves.quickest_through(points, limits, frame_s), chain[-1])
+            else:
+                self._add(moves.fastest_through(points, limits, frame_s, closed), chain[-1])
             return
         counts = [self._count(pose.move_s, "move_s", pose) for pose in chain[1:] if pose.move_s]
         self._add(moves.through(points, counts, closed), chain[-1])
