@@ -3,7 +3,7 @@
 Out: models against which `toml` validates a file. `reader` checks combinations of keys.
 """
 
-from __future__ import annotations
+# Annotations are not postponed here: pydantic would compile the text of each when a command starts.
 
 from collections.abc import Mapping
 from types import MappingProxyType

@@ -4,7 +4,7 @@ In: a document and its validated table. Out: an `Arm`; InputError with the line 
 belong together. The files of other kinds of robots are read by their modules in `kinematics`.
 """
 
-from __future__ import annotations
+# Annotations are not postponed here: pydantic would compile the text of each when a command starts.
 
 import re
 from collections.abc import Callable, Mapping

@@ -4,7 +4,7 @@ In: a model's name or the path of its file, its supply voltage, fields that repl
 at that voltage.
 """
 
-from __future__ import annotations
+# Annotations are not postponed here: pydantic would compile the text of each when a command starts.
 
 import math
 from dataclasses import dataclass
