@@ -89,7 +89,15 @@ def robot_of(document: Document) -> Robot:
                 f"'{key}' belongs in a file of {where}, not of {name}",
                 "without kind = …, the robot is an arm",
             )
-    return kind.read(document, toml_file.validate(document, kind.table), _catalogued)
+
+    def find(other: str) -> Robot:
+        """Return the robot of `like`: of the catalogue, or a URDF file beside this one."""
+        path, tip = file_of(other)
+        if path is None or not path.name.lower().endswith(URDF):
+            return _catalogued(other)
+        return _urdf(Path(document.file).parent / path, tip)
+
+    return kind.read(document, toml_file.validate(document, kind.table), find)
 
 
 def _catalogued(name: str) -> Robot:

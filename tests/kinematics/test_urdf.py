@@ -60,6 +60,32 @@ def test_a_description_written_by_hand() -> None:
     assert fk(found, [angle, out])[:3, 3] == pytest.approx(expected)
 
 
+def test_a_file_may_be_like_a_urdf_file_beside_it_with_other_limits_and_homes(tmp_path: Path) -> None:
+    (tmp_path / "two.urdf").write_text(robot(LINKS, '<link name="jaw"/>', SHOULDER, SLIDE, JAW))
+    own = tmp_path / "own.toml"
+    joint = '[[joint]]\nname = "shoulder"\nupper_deg = 60\nhome_deg = 20\n'
+    own.write_text(f'name = "own"\nlike = "two.urdf#hand"\n{joint}')
+    found, whole = arm(str(own)), arm(f"{tmp_path / 'two.urdf'}#hand")
+    q = np.array([0.4, 0.05])
+    np.testing.assert_allclose(fk(found, q), fk(whole, q), atol=1e-12)
+    shoulder, slide = found.joints
+    assert (shoulder.lower, shoulder.upper, shoulder.home) == pytest.approx(
+        (-1, np.radians(60), np.radians(20))
+    )
+    assert slide == whole.joints[1]
+    own.write_text('name = "own"\nlike = "two.urdf"\n')
+    with pytest.raises(InputError, match="it ends in hand, jaw") as error:
+        arm(str(own))
+    assert error.value.location is not None and (error.value.location.line, error.value.location.key) == (
+        2,
+        "like",
+    )
+
+
+JAW = """<joint name="grip" type="revolute"><parent link="upper"/><child link="jaw"/>
+  <limit lower="0" upper="1" effort="5" velocity="3"/></joint>"""
+
+
 def joint_of(text: str) -> tuple[float, float, float, float | None]:
     """Return the limits, home and speed of the only joint of a chain."""
     parts = LINKS.replace('<link name="hand"/>', ""), text.replace('"hand"', '"upper"').replace("slide", "j")
