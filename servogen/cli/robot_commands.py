@@ -277,19 +277,29 @@ def jacobian(
             "--rates", help="Joint speeds, such as '10 0 …' in °/s and mm/s: also print the tool's velocity."
         ),
     ] = None,
+    analytic: Annotated[
+        str | None,
+        typer.Option(
+            "--analytic",
+            metavar="ORDER",
+            help="The analytic one: its lower rows are the rates of these angles.",
+        ),
+    ] = None,
     symbolic: Symbolic = False,
     style: Style = "text",
     json: Json = False,
 ) -> None:
     """Compute the geometric Jacobian at joint positions, and how well the robot moves there."""
     wanted: Any = int(frame) if frame.isdigit() else frame
+    if symbolic and analytic is not None:
+        raise InputError("conflicting-options", "--symbolic shows the geometric Jacobian: omit --analytic")
     if symbolic:
         with status("simplifying"):
             answer = queries.jacobian_symbolic(name, wanted, style)
         print(answer["jacobian"]) if not json else as_json(answer)
         return
     speeds = [number(rate) for rate in (rates or "").replace(",", " ").split()]
-    answer = queries.jacobian_answer(name, values or (), wanted, speeds)
+    answer = queries.jacobian_answer(name, values or (), wanted, speeds, analytic)
     if json:
         as_json(answer)
         return

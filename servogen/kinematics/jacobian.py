@@ -16,9 +16,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from servogen.errors import InputError
+from servogen.errors import InputError, Location
 from servogen.kinematics.forward import link_frames, row_axes
-from servogen.kinematics.transforms import Floats, inverse, skew
+from servogen.kinematics.orientation import to_angles
+from servogen.kinematics.transforms import AXES, Floats, inverse, rot, skew
 from servogen.robot.model import Arm
 
 FrameName = int | Literal["n"]
@@ -58,6 +59,24 @@ def _cross(a: Floats, b: Floats) -> Floats:
         ],
         axis=-1,
     )
+
+
+def analytic_jacobian(arm: Arm, q: ArrayLike, order: str) -> Floats:
+    """Return the matrix (6, n) from the joints' speeds to the rates of x, y, z and of three angles.
+
+    The angles turn about a, R_a b and R_a R_b c, seen from the base: ω = [a, R_a b, R_a R_b c] (α', β', γ')ᵀ.
+    Raises InputError where two of these axes are parallel.
+    """
+    matrix, pose = with_pose(arm, q)
+    order = "zyx" if order.lower() == "rpy" else order.lower()
+    first, second, _ = to_angles(pose[:3, :3], order)
+    a, b, c = (np.eye(3)[AXES[axis]] for axis in order)
+    turned = rot(order[0], first)
+    axes = np.stack([a, turned @ b, turned @ rot(order[1], second) @ c], axis=-1)
+    if abs(np.linalg.det(axes)) < SINGULAR:
+        text = f"the {order} angles have no rates here: two of their axes are parallel"
+        raise InputError("bad-option", text, Location(key="--analytic"), "other angles, such as zyz or zyx")
+    return np.concatenate([matrix[:3], np.linalg.solve(axes, matrix[3:])])
 
 
 def jacobian(arm: Arm, q: ArrayLike, frame: FrameName = 0) -> Floats:

@@ -25,6 +25,7 @@ from servogen.kinematics.inverse.configuration import (
 from servogen.kinematics.inverse.solve import free_joints, ik_typed
 from servogen.kinematics.jacobian import (
     FrameName,
+    analytic_jacobian,
     change,
     differential,
     jacobian,
@@ -420,16 +421,25 @@ MATRIX_TOLERANCE = 1e-3
 
 
 def jacobian_answer(
-    name: str, values: Sequence[float], frame: FrameName = 0, rates: Sequence[float] = ()
+    name: str,
+    values: Sequence[float],
+    frame: FrameName = 0,
+    rates: Sequence[float] = (),
+    analytic: str | None = None,
 ) -> Answer:
     """Return the geometric Jacobian at positions in degrees and mm, and how well the arm moves there; with
     the `rates` of the joints, in degrees and mm per second, the velocity of the tool.
+
+    With `analytic`, an order of three angles, it is the analytic one: rates of x, y, z and of these angles.
 
     For a base on wheels it has the rows vx, vy, Ω and a column for each wheel.
     """
     robot = catalogue.robot(name)
     if isinstance(robot, DrivingRobot):
-        return _base_jacobian_answer(robot, values, frame, rates)
+        return _base_jacobian_answer(robot, values, frame, rates, analytic)
+    if analytic is not None and frame != 0:
+        place = Location(key="--analytic")
+        raise InputError("conflicting-options", "angles are those in the base's frame", place, "omit --frame")
     arm = catalogue.arm(name)
     q = joint_values(arm, values)
     singular = singularity(arm, q)
@@ -443,7 +453,7 @@ def jacobian_answer(
         }
     return {
         "frame": frame,
-        "jacobian": _plain(matrix),
+        "jacobian": _plain(matrix if analytic is None else analytic_jacobian(arm, q, analytic)),
         **moved,
         "manipulability": float(manipulability(arm, q)),
         "rank": singular.rank,
@@ -453,13 +463,17 @@ def jacobian_answer(
 
 
 def _base_jacobian_answer(
-    base: DrivingRobot, values: Sequence[float], frame: FrameName, rates: Sequence[float]
+    base: DrivingRobot,
+    values: Sequence[float],
+    frame: FrameName,
+    rates: Sequence[float],
+    analytic: str | None,
 ) -> Answer:
     """Return the matrix from wheel speeds to body speeds, and its inverse."""
-    if len(values) or len(rates) or frame != 0:
+    if len(values) or len(rates) or frame != 0 or analytic:
         raise InputError(
             "bad-option",
-            f"the Jacobian of {base.name} is the same everywhere: it takes neither positions nor a frame",
+            f"the Jacobian of {base.name} is the same everywhere: it takes no positions, frame or angles",
             hint="servogen fk gives the speed of the base for wheel speeds",
         )
     matrix = base.body_speed(np.eye(base.wheel_count)).T

@@ -187,7 +187,7 @@ def test_jacobian_prints_the_matrix_the_measure_and_what_is_lost(run: Run, answe
         "singular: the tool cannot move along",
         "   0.00000     0.00000     1.00000",
     ]
-    assert asked == [("any", [1, 2], 0, [])]
+    assert asked == [("any", [1, 2], 0, [], None)]
     assert json.loads(run("jacobian", "any", "--json").out) == {
         "diagnostics": [],
         **JACOBIAN,
@@ -201,7 +201,7 @@ def test_jacobian_prints_velocities_in_millimetres_and_degrees(run: Run, answer:
     lines = run("jacobian", "any", "--rates", "10, -5 2.5", "--frame", "n").out.splitlines()
     assert lines[3:5] == ["v 100.0000  0.0000  -20.0000 mm/s", "ω 180.0000  0.0000  -90.0000 °/s"]
     run("jacobian", "any", "--frame", "12")
-    assert asked == [("any", (), "n", [10, -5, 2.5]), ("any", (), 12, [])]
+    assert asked == [("any", (), "n", [10, -5, 2.5], None), ("any", (), 12, [], None)]
 
 
 def test_jacobian_of_a_base_prints_the_inverse_and_no_measure(run: Run, answer: Answer) -> None:
