@@ -218,9 +218,8 @@ class Checker:
 
     def _follow(self, states: Ints) -> None:
         """Run from each of `states` to the next cuts, on every way. Raises Refused."""
-        arrived = []
         while len(states):
-            stopped = []
+            stopped, arrived = [], []
             while len(states):
                 rows, why, states = self._run_first(states)
                 if why == layout.NEW_FRAME:
@@ -240,9 +239,9 @@ class Checker:
                     raise NotCovered(reason, _place_of(rows[0])) if outside else _refused(rows[0], reason)
                 if self._run > MAX_CYCLES or self._runs > MAX_RUNS or sum(map(len, stopped)) > MAX_ROWS:
                     raise NotCovered("more cycles, or ways, than are allowed", _place_of(rows[0]))
+            if arrived:  # before the other ways are followed: of forged states the first one ends the work
+                self._compare(np.concatenate(arrived))
             states = np.concatenate([states, *stopped])
-        if arrived:
-            self._compare(np.concatenate(arrived))
 
     def _run_first(self, states: Ints) -> tuple[Ints, int, Ints]:
         """Run the first state and all that go the same way; return them, why they stopped, and the others."""

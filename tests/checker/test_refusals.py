@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import re
 
+import numpy as np
 import pytest
 
 from servogen.checker import Checked, Refused, check, check_certificate, read_certificate
+from servogen.checker.certificate import WIDTH as STATE_WIDTH
+from servogen.checker.certificate import Certificate
 from servogen.checker.check import Checker
 from servogen.checker.plan import read_plan
 from servogen.pic.image import Image
 from tests.checker import certify
 from tests.checker.certify import PERIOD, STOP, WIDTH
+from tests.prove import attack
 
 FRAME = 6
 """The address at which a frame of the test programs begins."""
@@ -133,3 +137,15 @@ def test_a_frame_in_which_nothing_is_read_twice_splits_once(monkeypatch: pytest.
     monkeypatch.setattr(check, "MAX_ROWS", 1)
     with pytest.raises(Refused, match="more cycles, or ways, than are allowed"):
         verdict(packed, BUTTON, STOPPABLE)
+
+
+def test_a_forged_state_ends_the_check_before_the_other_ends_of_an_eeprom_write_are_followed() -> None:
+    """The program polls WR: a write that may be over in any of 1333 turns splits it as often."""
+    case = attack.target("waits for the EEPROM")
+    claim = Certificate(
+        "", "", 0, {}, frozenset({max(case.image.program)}), [], np.zeros((0, STATE_WIDTH), np.int64)
+    )
+    runner = Checker(case.image, read_plan(case.text, "schedule.json"), claim)
+    with pytest.raises(Refused, match="the state is within no listed one"):
+        runner.check()
+    assert runner._runs < 10
