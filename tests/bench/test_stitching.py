@@ -34,6 +34,7 @@ def device(folder: Path, **options: object) -> dict[str, VirtualAnalyser]:
     return {"analyser": VirtualAnalyser(chip, AnalyserOptions(memory=SMALL, **options))}  # type: ignore[arg-type]
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     ("folder", "seconds", "frames"),
     sampled(

@@ -13,6 +13,7 @@ from tests.engines.player.player_jobs import built_text, job_text, sweep
 SMALL = job_text(5, sweep(5, 0.64), firmware='soft_start_s = 0.16\nstart_pin = "RA4"')
 
 
+@pytest.mark.campaign
 def test_build_says_what_is_left_and_that_the_c_never_came_too_late(run: Run, tmp_path: Path) -> None:
     job = tmp_path / "small.toml"
     job.write_text(SMALL)

@@ -73,6 +73,7 @@ def test_with_noise_the_line_is_within_what_least_squares_promise(run: Run, job:
     assert found["rms_deg"] == pytest.approx(sigma, rel=4 / math.sqrt(2 * count))
 
 
+@pytest.mark.campaign
 def test_a_servo_is_moved_and_its_angles_are_asked_for(start: Start, serial: Serial, job: Path) -> None:
     process = start(
         *("calibrate", job, "--port", serial.path, *RANGE, "--points", 3, "--plot", job.with_name("a.png")),

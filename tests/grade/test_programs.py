@@ -72,7 +72,7 @@ LAB8_WRONG = {
 }
 
 
-@pytest.mark.parametrize("name", sampled(LAB8_WRONG, 12))
+@pytest.mark.parametrize("name", sampled(LAB8_WRONG, 6))
 def test_a_wrong_program_of_exercise_8_4_is_told_what_is_wrong(name: str) -> None:
     grade = graded("lab8-exercise", PROGRAMS / "lab8-wrong" / name)
     assert not grade.passed

@@ -191,6 +191,7 @@ def test_a_base_on_a_step_is_refused() -> None:
         bodies(robot("omni"), ground=Ground(step=0.01))
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(("name", "within"), sampled([("scara-pick", 0.008), ("rvm1-program", 0.008)]))
 def test_the_tool_of_an_arm_rests_where_it_should(name: str, within: float) -> None:
     """2 µs of dead band are 0.36° of an S3001 over gears and 0.7 m of reach: 7 mm at the SCARA's tool."""

@@ -154,6 +154,7 @@ def test_an_mp4_plays_as_long_as_the_run(tmp_path: Path) -> None:
     assert len(np.unique(pictures, axis=0)) == len(pictures) == short.count, "the robot moves"
 
 
+@pytest.mark.campaign
 def test_the_fixture_runs_a_job_in_its_robot(pytester: pytest.Pytester, job: Path) -> None:
     pytester.makepyfile(
         f"""

@@ -200,6 +200,7 @@ def test_a_constant_changed_by_one_cycle_is_told_with_cycle_pin_and_frame() -> N
     assert verdict.channels[0].width.error == 1
 
 
+@pytest.mark.campaign
 def test_a_dialect_whose_program_does_not_fit_is_left_out_and_told(tmp_path: Path) -> None:
     """SDCC's waits take more words: many positions fit the chip in the job's own dialect alone."""
     poses = ", ".join(f"{{ arm_deg = {30 + number}, hold_s = 0.1 }}" for number in range(40))

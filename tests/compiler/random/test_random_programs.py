@@ -47,6 +47,7 @@ def test_both_compilers_agree(number: int) -> None:
     assert_same(programs_from(1_000_000 + number * BATCH), least=0.8)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(("level", "least"), sampled([("none", 0.5), ("size", 0.8)]))
 def test_both_agree_at_every_level(level: str, least: float) -> None:
     programs = [replace(each, level=level) for each in programs_from(2_000_000)]

@@ -63,6 +63,7 @@ def cycles_left(layout: SlotLayout, slot: Slot, following: Slot) -> int:
     return following.ticks * layout.tick - 1 - to_rise(layout.tick) - slot.longest - TAIL
 
 
+@pytest.mark.campaign
 def test_n_is_the_time_that_the_layout_has_reserved_for_the_same_kernel() -> None:
     """The layout's sum is its own; the pins of a slot that do not rise one by one do so a cycle sooner."""
     for name in ("hexapod-tripod", "scara-pick"):

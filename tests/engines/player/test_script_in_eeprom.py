@@ -73,6 +73,7 @@ def test_the_trims_are_first_and_the_end_of_the_script_fills_the_rest() -> None:
     assert in_flash(script).eeprom == b"" and in_flash(script).flash == script
 
 
+@pytest.mark.campaign
 def test_a_job_that_flash_cannot_hold_is_built_in_three_dialects_and_every_edge_is_exact() -> None:
     done = six_ways()
     script = played_six_ways()[1].encoded.script.data
@@ -98,6 +99,7 @@ def test_the_same_program_with_its_script_in_flash_is_too_large() -> None:
         firmware(text, job, played.layout, "c2c")
 
 
+@pytest.mark.campaign
 def test_it_is_proven_for_every_power_up_and_reset_and_no_other_content_of_the_eeprom() -> None:
     done = six_ways()
     image, schedule = done.programs[0].image, done.plan.schedule
@@ -121,6 +123,7 @@ def test_bytes_behind_the_trims_that_the_program_does_not_read_are_no_obstacle()
     assert TrimSearch(image, schedule, board_of(schedule), {}).erased() is None
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(("byte", "bit"), [(12, 0), (40, 7), (63, 1)])
 def test_a_wrong_bit_of_the_script_in_the_eeprom_is_found_where_that_step_begins(byte: int, bit: int) -> None:
     done = six_ways()
@@ -138,6 +141,7 @@ def test_a_wrong_bit_of_the_script_in_the_eeprom_is_found_where_that_step_begins
     assert frame > schedule.lead_in_frames + 3 * 3 * 48
 
 
+@pytest.mark.campaign
 def test_trims_and_the_script_share_the_eeprom() -> None:
     done = six_ways()
     own, schedule = done.programs[1], done.plan.schedule
