@@ -21,6 +21,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import NamedTuple
 
+from servogen.engines.stream.rendering import OVERRUN
 from servogen.graph import reached
 from servogen.pic.device import INTERRUPT_VECTOR, addresses
 from servogen.pic.isa import encode
@@ -60,9 +61,11 @@ MAX_SLOTS = 1000
 """The number of slots after which C that is still behind is assumed to fall behind indefinitely."""
 MANY = 101
 """Interrupts that are left until an edge: not the last one. Odd: TMR0 shows the time."""
-FOLLOWED = ("ticks", "rest", "fine", "t")
+FOLLOWED = TICKS, REST, FINE, T = "ticks", "rest", "fine", "t"
 """The interrupt's variables that decide how long it waits."""
-PORT_NAMES = ("port", "next_port")
+DUE = OVERRUN
+"""The C's bits: 0, a pulse was not prepared in time; 1, a pulse is requested."""
+PORT_NAMES = PORT, NEXT_PORT = "port", "next_port"
 """Its variables with the address of a port, if servos are on both."""
 
 
@@ -166,7 +169,7 @@ def _addresses(listing: Listing) -> Mapping[str, int]:
 def _demand(listing: Listing, max_travel: int) -> tuple[Cycles | None, Cycles | None, int]:
     """Return the longest `prepare` and `execute` of the main loop, and how long it masks interrupts."""
     words = {row.address: row.word for row in listing.rows}
-    due = _addresses(listing)["due"]
+    due = _addresses(listing)[DUE]
     mask = [address for address, word in words.items() if word == encode("BCF", f=INTCON, b=GIE)]
     unmask = [address for address, word in words.items() if word == encode("BSF", f=INTCON, b=GIE)]
     # Interrupts repeat this loop: each round has at most one, and lets the C do more than one turn.
@@ -198,7 +201,7 @@ def main_loop(listing: Listing) -> tuple[int, int]:
     """Return where the main loop begins, and the address of the instruction that clears the request."""
     words = {row.address: row.word for row in listing.rows}
     main = _main(listing)
-    due = _addresses(listing)["due"]
+    due = _addresses(listing)[DUE]
     clear = _only(
         address for address in range(main.start, main.end) if words[address] == encode("ANDWF", f=due, d=1)
     )
@@ -314,7 +317,7 @@ class Round:
 
         The edge is in exactly that cycle whatever came before it (tests/engines/stream/test_stream_tick.py).
         """
-        known = {self.ram["rest"]: rest, self.ram["fine"]: fine, self.ram["ticks"]: 1}
+        known = {self.ram[REST]: rest, self.ram[FINE]: fine, self.ram[TICKS]: 1}
         ends = self._latest(
             RoundMoment(self.edge + 1, (), self.rise() + fine + 1, known, Timer(cleared=False))
         )
@@ -324,7 +327,7 @@ class Round:
 
     def rise(self) -> int:
         """Return the cycle of the round in which a pulse begins: that of a short look at the line."""
-        known: Known = {self.ram["rest"]: 0, self.ram["fine"]: 0, self.ram["ticks"]: 1}
+        known: Known = {self.ram[REST]: 0, self.ram[FINE]: 0, self.ram[TICKS]: 1}
         at = RoundMoment(INTERRUPT_VECTOR, (), 2, known)
         while at.address != self.edge:
             at = self.steps(at, self.word(at.address))[0]
@@ -348,7 +351,7 @@ class Round:
     def _interrupt(self, begin: int, ticks: int, timer: Timer) -> tuple[LatestEnd, ...] | None:
         """Return the latest ends of an interrupt that begins in a cycle, with so many left until an edge."""
         if (begin, timer) not in self._ends:
-            known = {self.ram["ticks"]: ticks}
+            known = {self.ram[TICKS]: ticks}
             self._ends[begin, timer] = self._latest(RoundMoment(INTERRUPT_VECTOR, (), begin, known, timer))
         return self._ends[begin, timer]
 
@@ -356,7 +359,7 @@ class Round:
         """Return the latest end from a moment on, for each number of cycles that TMR0 is then ahead of the
         time and whether T0IF was cleared; None if no bound is found.
         """
-        if "port" in self.ram:
+        if PORT in self.ram:
             begin.known.update({self.ram[name]: PORTS[1] for name in PORT_NAMES})
         followed = {W, CARRY, ZERO, FSR, *(self.ram[name] for name in FOLLOWED), *begin.known}
         met: set[Hashable] = set()
@@ -403,7 +406,7 @@ class Round:
         """
         address, stack, now, known, timer = at
         if word.flow == "call" and word.k == self.look:
-            for place in (W, CARRY, ZERO, self.ram["t"]):
+            for place in (W, CARRY, ZERO, self.ram[T]):
                 known.pop(place, None)
             after = now + 2
             return [

@@ -15,16 +15,22 @@ from functools import cache
 from typing import NamedTuple
 
 from servogen.engines.stream.response import (
+    DUE,
+    FINE,
     FOLLOWED,
     HALF,
     INTCON,
     MANY,
+    PORT,
     PORT_NAMES,
     PORTS,
+    REST,
     ROUND,
+    TICKS,
     TMR0,
     Round,
     RoundMoment,
+    T,
     Timer,
 )
 from servogen.engines.stream.settings import MASKED, UNIT
@@ -53,6 +59,7 @@ from servogen.prove.stream.looks import (
     HUNT,
     NONE,
     OF_RECEIVER,
+    RX_BITS,
     SENT,
     START,
     WAIT,
@@ -64,7 +71,10 @@ from servogen.prove.stream.looks import (
     looks_of,
 )
 
-OF_TIME = ("ticks", "rest", "fine", "t", "due", "mask", "port")
+MASK = "mask"
+NEXT_WIDTH = NEXT_HI, NEXT_LO = "next_hi", "next_lo"
+"""The width that the C prepared for the next slot."""
+OF_TIME = (*FOLLOWED, DUE, MASK, PORT)
 """The interrupt's variables that looks at the line leave alone, but for `t`, whose value nothing keeps."""
 OF_COUNTS = frozenset(
     [("DECFSZ", 1), ("DECF", 1), ("DECF", 0), ("SUBWF", 1), ("MOVF", 1), ("BTFSS", 0), ("BTFSC", 0)]
@@ -173,10 +183,10 @@ class Interrupt:
         `edges`.
         """
         ram = self.code.ram
-        if "port" in ram:
+        if PORT in ram:
             known |= {ram[name]: PORTS[1] for name in PORT_NAMES}
-        followed = {W, CARRY, ZERO, FSR, ram["rx_bits"], *known, *(ram[name] for name in FOLLOWED)}
-        rest = known.get(ram["rest"])
+        followed = {W, CARRY, ZERO, FSR, ram[RX_BITS], *known, *(ram[name] for name in FOLLOWED)}
+        rest = known.get(ram[REST])
         met = _Met(followed)
         ends: dict[Ending, None] = {}  # in order, so that every run of the search finds the same
         starts = [
@@ -230,7 +240,7 @@ class Interrupt:
         end = at.cycle + 2
         if not self.gaps:
             last = LastLook(BIT, int(bit), int(bit)) if end - bit < self.bits_apart else NO_LOOK
-        ticks, rest, fine = (known.get(ram[name]) for name in ("ticks", "rest", "fine"))
+        ticks, rest, fine = (known.get(ram[name]) for name in (TICKS, REST, FINE))
         return Ending(end, at.timer.ahead, bool(at.timer.cleared), ticks, rest, fine, last)
 
     # what the words may do at their time
@@ -245,7 +255,7 @@ class Interrupt:
             # of the next round.
             if at.timer.written is not None or at.cycle // ROUND != int(at.timer.cleared is not None):
                 raise InterruptChanged(f"T0IF is cleared in cycle {at.cycle} of a round")
-        elif word.writes_f and word.f == self.code.ram["due"] and rest != 0:
+        elif word.writes_f and word.f == self.code.ram[DUE] and rest != 0:
             raise InterruptChanged(f"the word at 0x{at.address:03X} asks the C for a pulse beside a rise")
         if self._stands_for_all(word, at, rest) and not self._same_for_all(at.address, word):
             raise InterruptChanged(f"the word at 0x{at.address:03X} depends on how many interrupts are left")
@@ -254,10 +264,10 @@ class Interrupt:
         """Check what the instruction of an edge writes: 0, or `mask` where a pulse begins, to a port."""
         if word.f not in PORTS and (word.f != INDF or known.get(FSR) not in PORTS):
             raise InterruptChanged("an edge is not written to a port")
-        rest, value = known.get(self.code.ram["rest"]), known.get(W)
+        rest, value = known.get(self.code.ram[REST]), known.get(W)
         if rest is None or (rest and value != 0):
             raise InterruptChanged("a fall does not clear the port")
-        mask = encode("MOVF", f=self.code.ram["mask"], d=0)
+        mask = encode("MOVF", f=self.code.ram[MASK], d=0)
         if not rest and (value is not None or self.code.words[self.code.edge - 1] != mask):
             raise InterruptChanged("a rise does not write the pin that the C prepared")
 
@@ -269,9 +279,9 @@ class Interrupt:
         """
         if not word.has_f or word.name in ("MOVWF", "CLRF"):
             return False
-        if word.f == self.code.ram["ticks"]:
+        if word.f == self.code.ram[TICKS]:
             return rest is None or (rest == MANY and at.timer.cleared is not None)
-        return rest == MANY and word.f == self.code.ram["rest"]
+        return rest == MANY and word.f == self.code.ram[REST]
 
     def _same_for_all(self, address: int, word: DecodedWord) -> bool:
         """Return whether a word does the same for each of these counts."""
@@ -281,7 +291,7 @@ class Interrupt:
 
     def _takes_count(self, address: int) -> bool:
         """Return whether a word moves `rest` from W to `ticks`, after a fall."""
-        move = _move(self.code.ram["rest"], self.code.ram["ticks"])
+        move = _move(self.code.ram[REST], self.code.ram[TICKS])
         return (self.code.words.get(address - 1), self.code.words.get(address)) == move
 
     # what can follow
@@ -303,8 +313,8 @@ class Interrupt:
     def _looked(self, looks: Iterable[Look], at: RoundMoment, last: LastLook, bit: float) -> Iterator[_State]:
         """Yield what can follow a call of a look at the line."""
         address, stack, now, known, timer = at
-        receiving, called = self.code.ram["rx_bits"], now + 2
-        for place in (W, CARRY, ZERO, self.code.ram["t"]):
+        receiving, called = self.code.ram[RX_BITS], now + 2
+        for place in (W, CARRY, ZERO, self.code.ram[T]):
             known.pop(place, None)
         for look in looks:
             sample, stamp = called + look.sample, called + look.stamp
@@ -355,7 +365,7 @@ def interrupt_of(listing: Listing, streamed: Streaming) -> Interrupt:
     write what is not theirs.
     """
     words = {row.address: row.word for row in listing.rows}
-    names = (*OF_TIME, *OF_RECEIVER, *PORT_NAMES, "next_hi", "next_lo")
+    names = (*OF_TIME, *OF_RECEIVER, *PORT_NAMES, *NEXT_WIDTH)
     ram = {name: place for place, name, _ in listing.variables if name in names}
     try:
         wait = encode("CALL", k=listing.label("st_exactly"))
@@ -407,8 +417,8 @@ def _check_writes(
             INTCON: word.name == "BCF" and word.b == T0IF,
             STATUS: _keeps_bank(ran, address, word),
             FSR_ADDRESS: word.name == "MOVWF",
-            ram["due"]: word.name == "BSF",
-            ram["mask"]: _is_unprepared(ran, address, ram),
+            ram[DUE]: word.name == "BSF",
+            ram[MASK]: _is_unprepared(ran, address, ram),
         }.get(word.f, word.f in own or word.name == "MOVF")
         if not allowed:
             raise InterruptChanged(f"the word at 0x{address:03X} writes what is not the interrupt's")
@@ -443,7 +453,7 @@ def _keeps_bank(ran: Mapping[int, int], address: int, word: DecodedWord) -> bool
 def _is_unprepared(ran: Mapping[int, int], address: int, ram: Mapping[str, int]) -> bool:
     """Return whether the pin is cleared only where the C is late, and the overrun bit is set then."""
     return (ran.get(address - 2), ran.get(address), ran.get(address + 1)) == (
-        encode("BTFSS", f=ram["due"], b=1),
-        encode("CLRF", f=ram["mask"]),
-        encode("BSF", f=ram["due"], b=0),
+        encode("BTFSS", f=ram[DUE], b=1),
+        encode("CLRF", f=ram[MASK]),
+        encode("BSF", f=ram[DUE], b=0),
     )

@@ -12,7 +12,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from servogen.engines.stream.rendering import tick
-from servogen.engines.stream.response import PORTS, TMR0, Round, RoundMoment
+from servogen.engines.stream.response import PORTS, TMR0, Round, RoundMoment, T
 from servogen.engines.stream.settings import SAMPLE_AFTER, STOP_AFTER
 from servogen.engines.stream.streaming import Streaming
 from servogen.errors import InputError
@@ -22,7 +22,8 @@ from servogen.pic.device import addresses
 from servogen.pic.known_values import RETURNED, ZERO, Known, word_of
 
 (STATUS,) = addresses("STATUS")
-OF_RECEIVER = ("t", "rx_bits", "rx_left", "rx_last", "rx_byte", "command", "todo", "value")
+RX_BITS, RX_LEFT = "rx_bits", "rx_left"
+OF_RECEIVER = (T, RX_BITS, RX_LEFT, "rx_last", "rx_byte", "command", "todo", "value")
 """The interrupt's variables that nothing but looks at the line writes."""
 BYTE = 10
 """What `rx_bits` is when a start bit was seen: not 0."""
@@ -97,7 +98,7 @@ def looks_of(code: Round, begin: int, hunt: int) -> tuple[Look, ...]:
 def _takes(code: Round, address: int) -> bool:
     """Return whether a word is the one behind which a bit is taken: it makes the time of the next one."""
     word = word_of(code.words[address])
-    return word.name == "ADDWF" and word.writes_f and word.f == code.ram["rx_left"]
+    return word.name == "ADDWF" and word.writes_f and word.f == code.ram[RX_LEFT]
 
 
 class _Sampling(NamedTuple):
@@ -115,7 +116,7 @@ def check_samples(code: Round, take: int) -> None:
     """Check how long after its time stamp a bit is sampled; rx_bits is 1 before the stop bit. Raises
     InterruptChanged.
     """
-    bits = code.ram["rx_bits"]
+    bits = code.ram[RX_BITS]
     for before, limits in (({bits: 1}, (SAMPLE_AFTER[0], STOP_AFTER)), ({}, SAMPLE_AFTER)):
 
         def following(

@@ -21,12 +21,21 @@ import numpy as np
 
 from servogen.engines.stream.layout import LATEST, RoundLayout
 from servogen.engines.stream.protocol import BITS
-from servogen.engines.stream.response import HALF, LATENCY, MANY, ROUND
+from servogen.engines.stream.response import FINE, HALF, LATENCY, MANY, REST, ROUND, TICKS
 from servogen.engines.stream.settings import MASKED, SAMPLE_AFTER, STOP_AFTER, UNIT
 from servogen.engines.stream.streaming import Streaming
 from servogen.pic.known_values import Known
 from servogen.pic.listing import Listing
-from servogen.prove.stream.interrupt import NO_LOOK, Beginning, Ending, Interrupt, LastLook, interrupt_of
+from servogen.prove.stream.interrupt import (
+    NEXT_HI,
+    NEXT_LO,
+    NO_LOOK,
+    Beginning,
+    Ending,
+    Interrupt,
+    LastLook,
+    interrupt_of,
+)
 from servogen.prove.stream.looks import NONE, InterruptChanged, Kind
 
 Tell = Callable[[str, int, int], None]
@@ -204,7 +213,7 @@ class _Closure:
 
     def _first(self, begins: list[Beginning]) -> None:
         """Execute the first interrupts of rounds without an edge."""
-        for end in self.interrupt.run(begins, {self.interrupt.code.ram["ticks"]: MANY}):
+        for end in self.interrupt.run(begins, {self.interrupt.code.ram[TICKS]: MANY}):
             if end.ahead == HALF:
                 self._check(end.ticks == MANY - 1, "a round's first interrupt", end)
                 for following in self._begins(HALF, end.cycle):
@@ -215,7 +224,7 @@ class _Closure:
 
     def _second(self, begins: list[Beginning]) -> None:
         """Execute the second interrupts of rounds without an edge."""
-        for end in self.interrupt.run(begins, {self.interrupt.code.ram["ticks"]: MANY - 1}, ahead=HALF):
+        for end in self.interrupt.run(begins, {self.interrupt.code.ram[TICKS]: MANY - 1}, ahead=HALF):
             self._check(end.ahead == 0 and end.ticks == MANY - 2, "a round's second interrupt", end)
             self._next(end, 1)
 
@@ -239,9 +248,9 @@ class _Closure:
     def _edge(self, begins: list[Beginning], rest: int, fine: int | None) -> list[Ending]:
         """Return the ends of an interrupt with an edge; check its cycle."""
         ram = self.interrupt.code.ram
-        known: Known = {ram["ticks"]: 1, ram["rest"]: rest}
+        known: Known = {ram[TICKS]: 1, ram[REST]: rest}
         if fine is not None:
-            known[ram["fine"]] = fine
+            known[ram[FINE]] = fine
         self.interrupt.edges.clear()
         ends = list(self.interrupt.run(begins, known))
         wanted = {self.rise + (fine or 0)}
@@ -259,7 +268,7 @@ class _Closure:
         for whole in range(1, rounds):
             # The low byte is only passed on to `fine`: some other value for each number of rounds.
             low = 37 * whole % ROUND
-            known = {ram["ticks"]: 1, ram["rest"]: 0, ram["next_hi"]: whole, ram["next_lo"]: low}
+            known = {ram[TICKS]: 1, ram[REST]: 0, ram[NEXT_HI]: whole, ram[NEXT_LO]: low}
             for end in self.interrupt.run([Beginning(2)], known):
                 due = 2 * whole - 1, 2 * (rounds - whole) - 1, low
                 self._check(
