@@ -9,6 +9,7 @@ import pytest
 
 from servogen.engines.firmware import ResourceError
 from servogen.engines.player import engine
+from servogen.engines.player import firmware as compiling
 from servogen.job import PlannedJob, load, plan_job
 from servogen.workflows.engines import PlayedJob, planned
 
@@ -101,6 +102,6 @@ def test_what_does_not_fit_flash_is_not_taken(folder: Path, monkeypatch: pytest.
         if played.encoded.size > usual.encoded.size:
             raise ResourceError("does-not-fit", "full")
 
-    monkeypatch.setattr(engine, "compiled", full)
+    monkeypatch.setattr(compiling, "compiled", full)
     played = engine.ENGINE.plan(asked)
     assert (played.data_bytes, played.notes) == (usual.encoded.size, ())
