@@ -12,7 +12,7 @@
 /* XT, watchdog off, power-up timer on, no code protection: */
 asm __config 0x3FF1
 
-/* arm 1167 us */
+/* arm 30 deg: 1167 us */
 void position_1(unsigned char frames)
 {
     while (1) {
@@ -27,7 +27,7 @@ void position_1(unsigned char frames)
     }
 }
 
-/* arm 1500 us */
+/* arm 90 deg: 1500 us */
 void position_2(unsigned char frames)
 {
     while (1) {
@@ -42,7 +42,7 @@ void position_2(unsigned char frames)
     }
 }
 
-/* arm 1667 us */
+/* arm 120 deg: 1667 us */
 void position_3(unsigned char frames)
 {
     while (1) {
@@ -67,15 +67,15 @@ void main(void)
 
     while (1) {
 
-        /* arm 1167 us, for 2 s */
+        /* arm 30 deg: 1167 us, for 2 s */
         position_1(100);
         delay_10us(5); delay_us(3);
 
-        /* arm 1500 us, for 5 s */
+        /* arm 90 deg: 1500 us, for 5 s */
         position_2(250);
         delay_10us(5); delay_us(3);
 
-        /* arm 1667 us, for 3 s */
+        /* arm 120 deg: 1667 us, for 3 s */
         position_3(150);
         delay_10us(5); delay_us(1);
     }

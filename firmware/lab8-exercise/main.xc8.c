@@ -13,7 +13,7 @@
 #pragma config FOSC = XT, WDTE = OFF, PWRTE = ON, CP = OFF
 #define _XTAL_FREQ 4000000
 
-/* arm 1167 us */
+/* arm 30 deg: 1167 us */
 void position_1(unsigned char frames)
 {
     while (1) {
@@ -28,7 +28,7 @@ void position_1(unsigned char frames)
     }
 }
 
-/* arm 1500 us */
+/* arm 90 deg: 1500 us */
 void position_2(unsigned char frames)
 {
     while (1) {
@@ -43,7 +43,7 @@ void position_2(unsigned char frames)
     }
 }
 
-/* arm 1667 us */
+/* arm 120 deg: 1667 us */
 void position_3(unsigned char frames)
 {
     while (1) {
@@ -66,15 +66,15 @@ void main(void)
 
     while (1) {
 
-        /* arm 1167 us, for 2 s */
+        /* arm 30 deg: 1167 us, for 2 s */
         position_1(100);
         _delay(53);
 
-        /* arm 1500 us, for 5 s */
+        /* arm 90 deg: 1500 us, for 5 s */
         position_2(250);
         _delay(53);
 
-        /* arm 1667 us, for 3 s */
+        /* arm 120 deg: 1667 us, for 3 s */
         position_3(150);
         _delay(51);
     }

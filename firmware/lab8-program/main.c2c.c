@@ -12,7 +12,7 @@
 /* XT, watchdog off, power-up timer on, no code protection: */
 asm __config 0x3FF1
 
-/* arm 1000 us */
+/* arm 0 deg: 1000 us */
 void position_1(unsigned char frames)
 {
     while (1) {
@@ -27,7 +27,7 @@ void position_1(unsigned char frames)
     }
 }
 
-/* arm 2000 us */
+/* arm 180 deg: 2000 us */
 void position_2(unsigned char frames)
 {
     while (1) {
@@ -52,14 +52,14 @@ void main(void)
 
     while (1) {
 
-        /* arm 1000 us, for 2 s */
+        /* arm 0 deg: 1000 us, for 2 s */
         position_1(100);
         delay_10us(5); delay_us(3);
 
         /* 5 s without pulses */
         delay_s(5);
 
-        /* arm 2000 us, for 2 s */
+        /* arm 180 deg: 2000 us, for 2 s */
         position_2(100);
         delay_10us(5); delay_us(1);
 

@@ -13,7 +13,7 @@
 #pragma config FOSC = XT, WDTE = OFF, PWRTE = ON, CP = OFF
 #define _XTAL_FREQ 4000000
 
-/* arm 1000 us */
+/* arm 0 deg: 1000 us */
 void position_1(unsigned char frames)
 {
     while (1) {
@@ -28,7 +28,7 @@ void position_1(unsigned char frames)
     }
 }
 
-/* arm 2000 us */
+/* arm 180 deg: 2000 us */
 void position_2(unsigned char frames)
 {
     while (1) {
@@ -51,14 +51,14 @@ void main(void)
 
     while (1) {
 
-        /* arm 1000 us, for 2 s */
+        /* arm 0 deg: 1000 us, for 2 s */
         position_1(100);
         _delay(53);
 
         /* 5 s without pulses */
         _delay(5000000);
 
-        /* arm 2000 us, for 2 s */
+        /* arm 180 deg: 2000 us, for 2 s */
         position_2(100);
         _delay(51);
 

@@ -13,7 +13,7 @@
 /* XT, watchdog off, power-up timer on, no code protection: */
 asm __config 0x3FF1
 
-/* vertical 1500 us, horizontal 1250 us */
+/* vertical 90 deg: 1500 us, horizontal 0 deg: 1250 us */
 void position_1(unsigned char frames)
 {
     while (1) {
@@ -32,7 +32,7 @@ void position_1(unsigned char frames)
     }
 }
 
-/* vertical 1250 us, horizontal 1250 us */
+/* vertical 0 deg: 1250 us, horizontal 0 deg: 1250 us */
 void position_2(unsigned char frames)
 {
     while (1) {
@@ -61,11 +61,11 @@ void main(void)
 
     while (1) {
 
-        /* vertical 1500 us, horizontal 1250 us, for 0.4 s */
+        /* vertical 90 deg: 1500 us, horizontal 0 deg: 1250 us, for 0.4 s */
         position_1(20);
         delay_10us(5); delay_us(3);
 
-        /* vertical 1250 us, horizontal 1250 us, for 0.4 s */
+        /* vertical 0 deg: 1250 us, horizontal 0 deg: 1250 us, for 0.4 s */
         position_2(20);
         delay_10us(5); delay_us(1);
     }

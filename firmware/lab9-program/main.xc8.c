@@ -14,7 +14,7 @@
 #pragma config FOSC = XT, WDTE = OFF, PWRTE = ON, CP = OFF
 #define _XTAL_FREQ 4000000
 
-/* vertical 1500 us, horizontal 1250 us */
+/* vertical 90 deg: 1500 us, horizontal 0 deg: 1250 us */
 void position_1(unsigned char frames)
 {
     while (1) {
@@ -33,7 +33,7 @@ void position_1(unsigned char frames)
     }
 }
 
-/* vertical 1250 us, horizontal 1250 us */
+/* vertical 0 deg: 1250 us, horizontal 0 deg: 1250 us */
 void position_2(unsigned char frames)
 {
     while (1) {
@@ -60,11 +60,11 @@ void main(void)
 
     while (1) {
 
-        /* vertical 1500 us, horizontal 1250 us, for 0.4 s */
+        /* vertical 90 deg: 1500 us, horizontal 0 deg: 1250 us, for 0.4 s */
         position_1(20);
         _delay(53);
 
-        /* vertical 1250 us, horizontal 1250 us, for 0.4 s */
+        /* vertical 0 deg: 1250 us, horizontal 0 deg: 1250 us, for 0.4 s */
         position_2(20);
         _delay(51);
     }

@@ -102,7 +102,7 @@ def tune_to(
     verdict = judge_image(schedule, theirs, span)
     if verdict.edges_agree:
         return Tuned(verdict, tuple(added), "")
-    following = render(sequence(schedule, overheads), dialect, job.device, job.name)
+    following = render(sequence(schedule, overheads), dialect, job.device, job.name, job.servos)
     return Tuned(verdict, tuple(added), following)
 
 

@@ -22,7 +22,7 @@ class SequenceEngine:
         def make(dialect: str) -> Firmware:
             from servogen.engines.sequence.tuning import tune  # the compiler: only to make the firmware
 
-            return tune(planned.schedule, dialect, job.device, job.name)
+            return tune(planned.schedule, dialect, job.device, job.name, job.servos)
 
         return EnginePlan(job.trajectory, planned, make)
 

@@ -6,6 +6,7 @@ In: the program and a dialect. Out: the text of one C file.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -14,11 +15,14 @@ from servogen.engines.sequence.programs import FrameEdges, Hold, Sequence, Silen
 from servogen.engines.sequence.waits import CALLS
 from servogen.pic.device import Device
 from servogen.pulse import PulseSchedule
+from servogen.robot.servo import Servo
 from servogen.units import Clock, Cycles
 
 
-def render(program: Sequence, dialect: str, device: Device, title: str) -> str:
-    """Return the C file of `program` in `dialect`.
+def render(
+    program: Sequence, dialect: str, device: Device, title: str, servos: tuple[Servo, ...] = ()
+) -> str:
+    """Return the C file of `program` in `dialect`; its comments say the angles of `servos`.
 
     Raises RenderError, and InputError for a delay that the dialect cannot express.
     """
@@ -32,18 +36,18 @@ def render(program: Sequence, dialect: str, device: Device, title: str) -> str:
         positions=[
             _PositionText(
                 f"position_{position.number}",
-                _frame_text(position.frame, program.schedule),
+                _frame_text(position.frame, program.schedule, servos),
                 _lines(position.frame, program.schedule, dialect),
                 _calls(position.gap, dialect, clock),
                 _calls(position.again, dialect, clock),
             )
             for position in program.positions
         ],
-        lead_in=[_step(step, program.schedule, dialect) for step in program.lead_in],
+        lead_in=[_step(step, program.schedule, dialect, servos) for step in program.lead_in],
         counts_turns=any(
             isinstance(step, Hold) and step.turns > 1 for step in (*program.lead_in, *program.loop)
         ),
-        loop=[_step(step, program.schedule, dialect) for step in program.loop],
+        loop=[_step(step, program.schedule, dialect, servos) for step in program.loop],
         long_waits=any(isinstance(step, SilentStep) for step in (*program.lead_in, *program.loop)),
     )
 
@@ -106,13 +110,13 @@ def _lines(frame: FrameEdges, schedule: PulseSchedule, dialect: str) -> tuple[_L
     return tuple(lines)
 
 
-def _step(step: Step, schedule: PulseSchedule, dialect: str) -> _StepText:
+def _step(step: Step, schedule: PulseSchedule, dialect: str, servos: tuple[Servo, ...]) -> _StepText:
     clock = schedule.clock
     if isinstance(step, SilentStep):
         seconds = decimal(clock.seconds(step.wait))
         return _StepText("", (), f"{seconds} s without pulses", _calls(step.wait, dialect, clock))
     after = _calls(step.after, dialect, clock)
-    comment = _frame_text(step.frame, schedule)
+    comment = _frame_text(step.frame, schedule, servos)
     if step.position:
         seconds = decimal(clock.seconds(step.all_frames * schedule.period))
         call = f"position_{step.position.number}({step.frames});"
@@ -121,12 +125,27 @@ def _step(step: Step, schedule: PulseSchedule, dialect: str) -> _StepText:
     return _StepText("", _lines(step.frame, schedule, dialect), comment, after)
 
 
-def _frame_text(frame: FrameEdges, schedule: PulseSchedule) -> str:
-    return ", ".join(
-        f"{channel.name} {decimal(schedule.clock.us(pulse.width))} us"
-        for channel, pulse in zip(schedule.channels, frame.run.pulses, strict=True)
-        if pulse
-    )
+def _frame_text(frame: FrameEdges, schedule: PulseSchedule, servos: tuple[Servo, ...]) -> str:
+    by_name = {servo.name: servo for servo in servos}
+    texts = []
+    for channel, pulse in zip(schedule.channels, frame.run.pulses, strict=True):
+        if pulse:
+            servo, width = by_name.get(channel.name), pulse.width
+            angle = f" {_angle(servo, width, schedule.clock)}:" if servo else ""
+            texts.append(f"{channel.name}{angle} {decimal(schedule.clock.us(width))} us")
+    return ", ".join(texts)
+
+
+def _angle(servo: Servo, width: Cycles, clock: Clock) -> str:
+    """Return the angle with the fewest decimals whose pulse has this width: 30 rather than 30.06 deg."""
+    exact = math.degrees(servo.angle(float(clock.us(width))))
+    unit = "deg/s" if servo.model.continuous else "deg"
+    for decimals in range(4):
+        angle = round(exact, decimals)
+        radians = math.radians(angle)
+        if servo.allows(radians) and clock.round_us(servo.width_us(radians)).cycles == width:
+            return f"{angle:zg} {unit}"
+    return f"{exact:z.4g} {unit}"
 
 
 def _calls(cycles: Cycles, dialect: str, clock: Clock) -> str:

@@ -24,6 +24,7 @@ from servogen.engines.sequence.sequencing import sequence
 from servogen.errors import ServogenError
 from servogen.pic.device import PROGRAM_WORDS, Device
 from servogen.pulse import PulseSchedule
+from servogen.robot.servo import Servo
 from servogen.simulator import Machine
 from servogen.units import Cycles, counted
 
@@ -47,8 +48,10 @@ class TunedFirmware(Firmware):
     overheads: Overheads = field(default_factory=Overheads)
 
 
-def tune(schedule: PulseSchedule, dialect: str, device: Device, title: str) -> TunedFirmware:
-    """Return the firmware of a schedule with every delay corrected.
+def tune(
+    schedule: PulseSchedule, dialect: str, device: Device, title: str, servos: tuple[Servo, ...] = ()
+) -> TunedFirmware:
+    """Return the firmware of a schedule with every delay corrected; comments say the angles of `servos`.
 
     Raises InputError if a delay has no time left, ResourceError if the chip is too small, TuningError if the
     overheads do not settle.
@@ -65,7 +68,7 @@ def tune(schedule: PulseSchedule, dialect: str, device: Device, title: str) -> T
                 hint=SHORTER,
             )
         file = f"main.{dialect}.c"
-        text = render(program, dialect, device, title)
+        text = render(program, dialect, device, title, servos)
         options = Options(dialect=dialect, device=device)
         compilation = compiled_to_fit(text, file, options, title, "the sequence engine", SHORTER)
         measured = measure(program, compilation)

@@ -16,6 +16,8 @@ from servogen.errors import InputError
 from servogen.pic.device import device
 from servogen.pulse import Channel, Pulse, PulseSchedule, Run
 from servogen.pulse.expected import expected
+from servogen.robot.servo import servo
+from servogen.robot.servo_models import servo_model
 from servogen.units import Clock, Cycles
 
 PERIOD = Cycles(20_000)
@@ -141,6 +143,16 @@ def test_the_c_says_each_width_and_names_no_day_or_host(dialect: str) -> None:
         assert said in text
     assert text == render(sequence(schedule, Overheads()), dialect, device("PIC16F84"), "lab8")
     assert not [line for line in text.splitlines() if line != line.rstrip()]
+
+
+def test_the_c_says_the_angles_beside_the_widths_as_the_job_states_them() -> None:
+    """Widths are whole cycles, 0.18° each; the comments say 30, which the exercise asks for, not 30.06."""
+    schedule = schedule_of([], [(100, [1167]), (250, [1500]), (150, [1667]), (50, [1001])])
+    name = schedule.channels[0].name
+    arm = servo(name, "RB0", servo_model("futaba-s3001"))
+    text = render(sequence(schedule, Overheads()), "c2c", device("PIC16F84"), "lab8", (arm,))
+    for said in ("30 deg: 1167 us", "90 deg: 1500 us", "120 deg: 1667 us", "0.2 deg: 1001 us"):
+        assert f"/* {name} {said}" in text
 
 
 @pytest.mark.parametrize(
