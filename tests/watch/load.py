@@ -146,18 +146,18 @@ def _day(browser: Browser, job: Path, hours: float) -> bool:
 
 def _jumps(page: Page, end: int, width: float) -> list[float]:
     """Jump to random moments; return how long drawing the waves there takes, in ms."""
-    dice, drawn, waited, edges = random.Random(1), [], [], 0
+    dice, drawn, waited, pulses = random.Random(1), [], [], 0
     for _ in range(JUMPS):
         at = dice.randrange(int(width) + 1, end)
         begin = time.monotonic()
         page.run(f"watched.waves.show({at}, {at} + {width}); 0")
         page.until(f"Math.abs(watched.waves.data.begin - {at}) < 2 && watched.waves.data.seen > {at}")
         waited.append(time.monotonic() - begin)
-        edges = max(edges, page.run("watched.waves.data.pulses.length"))
+        pulses = max(pulses, page.run("watched.waves.data.pulses.length"))
         drawn.append(page.run(DRAWING))
     seconds = width * page.run("watched.waves.model.cycle_us") / 1e6
     print(
-        f"  {1000 * seconds:g} ms wide, up to {edges} edges: drawn in {sorted(drawn)[JUMPS // 2]:.1f} ms, "
+        f"  {1000 * seconds:g} ms wide, up to {pulses} pulses: drawn in {sorted(drawn)[JUMPS // 2]:.1f} ms, "
         f"at most {max(drawn):.1f} ms; there within {1000 * max(waited):.0f} ms"
     )
     return drawn
