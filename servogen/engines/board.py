@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from fractions import Fraction
 
 from servogen.pic.device import OPEN_DRAIN_PIN
 from servogen.pic.image import Image
 from servogen.pulse import PulseSchedule
 from servogen.simulator import Levels, Machine, SimulatorOptions, Stimuli
-from servogen.simulator.sources import pin_number
+from servogen.simulator.sources import Periodic, SignalSource, pin_number
+
+
+WIRE_QUIET_S, WIRE_HIGH_US = Fraction(1, 4), Fraction(1500)
+"""When an ideal wire rises first, and for how long it is high in every frame."""
 
 
 def machine_of(
@@ -23,8 +28,16 @@ def machine_of(
 
 
 def inputs_of(schedule: PulseSchedule) -> Stimuli | None:
-    """Return the levels at which a schedule's inputs are held from power-up on."""
-    sources = [Levels(pin_number(input_.pin), ((0, input_.level),)) for input_ in schedule.inputs]
+    """Return the levels at which a schedule's inputs are held from power-up on; its wire rises once a frame,
+    after `WIRE_QUIET_S`, as that of another chip does.
+    """
+    sources: list[SignalSource] = [
+        Levels(pin_number(input_.pin), ((0, input_.level),)) for input_ in schedule.inputs
+    ]
+    if schedule.wire is not None:
+        period, high = Fraction(schedule.period), schedule.clock.round_us(WIRE_HIGH_US).cycles
+        start = Fraction(schedule.clock.round_seconds(WIRE_QUIET_S))
+        sources.append(Periodic(pin_number(schedule.wire.pin), period, Fraction(high), start))
     return Stimuli(sources) if sources else None
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -34,6 +34,13 @@ class JointTrajectory:
     def __repr__(self) -> str:
         frames = f"{self.loop_start} + {len(self.angles) - self.loop_start} frames"
         return f"<JointTrajectory {', '.join(self.joints)}; {frames}>"
+
+    def without(self, frames: int) -> JointTrajectory:
+        """Return the motion from its frame number `frames` on."""
+        if frames <= self.loop_start:
+            return replace(self, angles=self.angles[frames:], loop_start=self.loop_start - frames)
+        loop = self.angles[self.loop_start :]
+        return replace(self, angles=np.roll(loop, self.loop_start - frames, axis=0), loop_start=0)
 
 
 @dataclass(frozen=True, slots=True)

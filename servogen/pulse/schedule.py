@@ -26,7 +26,7 @@ VERSION = 1
 """The version of the JSON schema."""
 
 OPTIONAL: Mapping[str, Any] = MappingProxyType(
-    {"inputs": [], "buttons": None, "commands": None, "plan_error": None, "device": None}
+    {"inputs": [], "buttons": None, "commands": None, "plan_error": None, "device": None, "wire": None}
 )
 """Keys that a schedule may omit, with their default values."""
 
@@ -190,6 +190,22 @@ class CommandRule:
 
 
 @dataclass(frozen=True, slots=True)
+class WireRule:
+    """The wire from another chip: see "Two chips" in docs/firmware.md.
+
+    The first edge of the schedule comes `cycles` cycles after the wire has risen in frame `frames`, counted
+    from 0, of the other chip's motion.
+    """
+
+    pin: str
+    frames: int
+    cycles: Cycles
+
+    def to_json(self) -> dict[str, object]:
+        return {"pin": self.pin, "frames": self.frames, "cycles": self.cycles}
+
+
+@dataclass(frozen=True, slots=True)
 class PulseSchedule:
     """Frames of `period` cycles: `lead_in` once, then `loop` repeatedly.
 
@@ -210,6 +226,8 @@ class PulseSchedule:
     """The effect of buttons that are not pressed as `inputs` states; None if it is not known."""
     commands: CommandRule | None = None
     """The effect of a line, or of buttons, at other levels than `inputs` states; None if there are none."""
+    wire: WireRule | None = None
+    """The wire that the program follows; None for a program that follows no other chip."""
 
     def __repr__(self) -> str:
         channels = ", ".join(f"{channel.name} on {channel.pin}" for channel in self.channels)
@@ -257,6 +275,7 @@ class PulseSchedule:
             f"{self._inputs_text()}"
             f"{self._buttons_text()}"
             f"{self._commands_text()}"
+            f"{self._wire_text()}"
             f"{self._plan_error_text()}"
             f'  "lead_in": {_runs_text(self.lead_in)},\n'
             f'  "loop": {_runs_text(self.loop)}\n}}\n'
@@ -272,6 +291,9 @@ class PulseSchedule:
 
     def _commands_text(self) -> str:
         return "" if self.commands is None else f'  "commands": {self.commands.to_json_text()},\n'
+
+    def _wire_text(self) -> str:
+        return "" if self.wire is None else f'  "wire": {json.dumps(self.wire.to_json())},\n'
 
     def _device_text(self) -> str:
         return "" if self.device is None else f'  "device": {json.dumps(self.device)},\n'
@@ -331,7 +353,7 @@ class _Reader:
         known = {**OPTIONAL, **data} if isinstance(data, dict) else data
         table = self._table(known, "", keys)
         version, clock_hz, period, channels, lead_in, loop, inputs, buttons, commands = table[:9]
-        plan_error, device = table[9:]
+        plan_error, device, wire = table[9:]
         if self._whole(version, "version", 0) != VERSION:
             raise self._error("json-value", "version", f"is {version}, this servogen reads version {VERSION}")
         cycles = self._whole(period, "period_cycles", 1)
@@ -380,6 +402,14 @@ class _Reader:
             device=None if device is None else self._text(device, "device"),
             buttons=None if buttons is None else self._buttons(buttons, read),
             commands=None if commands is None else self._commands(commands, read, cycles),
+            wire=None if wire is None else self._wire(wire, read),
+        )
+
+    def _wire(self, data: Any, channels: tuple[Channel, ...]) -> WireRule:
+        pin, frames, cycles = self._table(data, "wire", ("pin", "frames", "cycles"))
+        read = self._input({"pin": pin, "level": 0}, "wire", channels)
+        return WireRule(
+            read.pin, self._whole(frames, "wire.frames", 0), Cycles(self._whole(cycles, "wire.cycles", 0))
         )
 
     def _buttons(self, data: Any, channels: tuple[Channel, ...]) -> ButtonRule:

@@ -152,6 +152,12 @@ pl_poll:
     btfss   STATUS, 2
     goto    $+1
 ; Cycle {{ reads[2] + 4 }} after the beginning, always.
+{% if wire %}
+    movf    PORT{{ wire }}, W            ; the wire: its bit is set if it is low,
+    xorwf   PORT{{ wire }}, W            ; then high,
+    andwf   PORT{{ wire }}, W            ; and high
+    movwf   _seen
+{% endif %}
     movf    _both, W
     btfsc   STATUS, 2
     goto    pl_done             ; no pulses

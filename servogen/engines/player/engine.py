@@ -11,6 +11,7 @@ from servogen.engines.firmware import Firmware, ResourceError
 from servogen.engines.inputs import given
 from servogen.engines.inputs.buttons import ControlButtons, waited, waited_motion
 from servogen.engines.inputs.commands import commander
+from servogen.engines.inputs.wire import JOINING_FRAMES, Wire
 from servogen.engines.player import Playing, playing
 from servogen.engines.player.commanded import commanded
 from servogen.engines.player.legs import LONGEST
@@ -21,6 +22,7 @@ from servogen.engines.stored_script import eeprom_room
 from servogen.errors import Diagnostic, InputError
 from servogen.motion import JointTrajectory
 from servogen.pulse import PulseSchedule
+from servogen.pulse.schedule import WireRule
 
 EEPROM_C = 16
 """The words of the C, at most, that reads a script from the EEPROM and the table before it."""
@@ -36,8 +38,12 @@ def play(
     Raises InputError or ResourceError.
     """
     buttons = given(job.inputs, ControlButtons) or ControlButtons()
-    line = commander(job.inputs)
+    line, wire = commander(job.inputs), given(job.inputs, Wire)
     begun, ends = with_soft_start(job.trajectory, job.servos, job.clock, job.firmware.soft_start_s)
+    follows = wire is not None and wire.follows
+    if follows:
+        begun = begun.without(JOINING_FRAMES)
+        ends = tuple(end - JOINING_FRAMES for end in ends if end > JOINING_FRAMES)
     if line is not None:
         _check_soft_start(job, ends)
         maximum = DATA_BYTES - COMMANDS_BYTES + more_bytes
@@ -54,9 +60,15 @@ def play(
         max_error_us=job.firmware.max_error_us if max_error_us is None else max_error_us,
         max_bytes=DATA_BYTES - (BUTTONS_BYTES if buttons.any else 0) + more_bytes,
         bends=bends,
+        looking=follows,
     )
     waiting = waited(played.plan.schedule, buttons.waiting)
-    schedule = replace(waiting, inputs=buttons.inputs, buttons=buttons.rule)
+    schedule = replace(
+        waiting,
+        inputs=buttons.inputs,
+        buttons=buttons.rule,
+        wire=WireRule(wire.pin, JOINING_FRAMES, played.layout.after_rise) if wire and follows else None,
+    )
     plan = replace(played.plan, schedule=schedule)
     return waited_motion(played.trajectory, buttons.waiting), replace(played, plan=plan), schedule
 

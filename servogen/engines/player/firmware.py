@@ -16,6 +16,7 @@ from servogen.engines.firmware import Firmware, ResourceError, TimingBudget
 from servogen.engines.fitting import compiled_to_fit
 from servogen.engines.inputs import given
 from servogen.engines.inputs.buttons import ControlButtons
+from servogen.engines.inputs.wire import Wire
 from servogen.engines.player import Playing, SlotLayout
 from servogen.engines.player.rendering import OVERRUN, render_player
 from servogen.engines.player.theorem import allowances
@@ -26,9 +27,9 @@ from servogen.pic.device import PROGRAM_WORDS
 from servogen.pic.listing import Listing
 from servogen.pic.wcet import TimedProgram
 
-CHECK, DONE, WIDTHS = "pl_check", "pl_done", "pl_between"
+CHECK, DONE, WIDTHS, JOIN = "pl_check", "pl_done", "pl_between", "pl_wire"
 """Labels of the assembly: the kernel's reading of the timer, its end; the code that only runs between
-frames.
+frames; the wait for a quiet wire.
 """
 
 HINT = "fewer parts: let more of the motion repeat"
@@ -44,7 +45,8 @@ def compiled(job: EngineJob, played: Playing, dialect: str) -> Firmware:
     buttons = given(job.inputs, ControlButtons) or ControlButtons()
 
     def with_script(stored: Stored) -> Firmware:
-        text = render_player(played, stored, buttons, dialect, job.device, job.name)
+        wire = given(job.inputs, Wire)
+        text = render_player(played, stored, buttons, dialect, job.device, job.name, wire)
         return replace(firmware(text, job, played.layout, dialect), script=stored)
 
     try:
@@ -90,11 +92,13 @@ def timing_budgets(listing: Listing, layout: SlotLayout) -> tuple[TimingBudget, 
     program = TimedProgram({row.address: row.word for row in listing.rows}, listing.functions)
     maximum = partial(program.longest, listing.label(DONE), {listing.label(CHECK)})
     slots, frames = allowances(listing, layout)
+    # What begins anew at the wire has no time that it must not exceed.
+    anew = {listing.label(JOIN)} if layout.looking else set()
     return (
         TimingBudget(
-            "two slots", maximum(without={listing.label(WIDTHS)}), slots.same_edges, slots.late_is_seen
+            "two slots", maximum(without={listing.label(WIDTHS)} | anew), slots.same_edges, slots.late_is_seen
         ),
-        TimingBudget("two frames", maximum(), frames.same_edges, frames.late_is_seen),
+        TimingBudget("two frames", maximum(without=anew), frames.same_edges, frames.late_is_seen),
     )
 
 

@@ -52,6 +52,9 @@ longer.
 WATCHDOG_US = Fraction(6900)
 """The time within which a watchdog that was left on must be cleared (DS35007 section 9, parameter 31)."""
 
+AFTER_LOOK = 6
+"""The kernel's cycles from a wire's rise, in the middle of its look, to the rise of a slot's pins."""
+
 MAX_TRIM = Cycles(127)
 """The maximum trim in the EEPROM, in cycles of a pulse."""
 
@@ -78,11 +81,15 @@ class Slot:
 
 @dataclass(frozen=True, slots=True)
 class SlotLayout:
-    """The slots of a frame; the first begins `slots[0].ticks` after the last one of the previous frame."""
+    """The slots of a frame; the first begins `slots[0].ticks` after the last one of the previous frame.
+
+    If the program is `looking` at the wire of another chip, it does so in the first slot, which has no pulses.
+    """
 
     slots: tuple[Slot, ...]
     tick: Cycles
     stagger: Cycles = NONE
+    looking: bool = False
 
     @property
     def period(self) -> Cycles:
@@ -93,10 +100,18 @@ class SlotLayout:
         """Return the cycle of the frame in which a channel's pulse begins."""
         cycle = 0
         for number, slot in enumerate(self.slots):
-            cycle += self.tick * slot.ticks if number else 0
+            cycle += self.tick * slot.ticks if number > self.looking else 0
             if channel in slot.channels:
                 return Cycles(cycle + self.stagger * slot.channels.index(channel))
         raise KeyError(channel)
+
+    @property
+    def after_rise(self) -> Cycles:
+        """Return the cycles from the wire's rise in the first slot to the first pulse of the frame.
+
+        The look is in the last cycles before the pins of a slot with pulses would rise.
+        """
+        return Cycles(self.tick * self.slots[1].ticks + AFTER_LOOK)
 
     @property
     def order(self) -> tuple[int, ...]:
@@ -130,8 +145,10 @@ def layout(
     doublings: int = 0,
     *,
     legs: bool = False,
+    looking: bool = False,
 ) -> SlotLayout:
-    """Return the slots of `servos`, two of a port at a time: by pins if that fits, else by pulse length.
+    """Return the slots of `servos`, two of a port at a time: by pins if that fits, else by pulse length;
+    before them one for `looking` at a wire.
 
     `used` are the pulses of the motion, one entry per servo; `doublings` is the number of times, over all
     channels, that the C doubles a value. Raises InputError.
@@ -148,11 +165,12 @@ def layout(
                 "choose a faster clock",
             )
     rooms = [widths.room(servo, clock) for servo, widths in zip(servos, used, strict=True)]
-    for pairs in (_by_pins(servos), _by_length(servos, rooms)):
+    look: Pairs = [("B", ())] if looking else []
+    for pairs in ([*look, *_by_pins(servos)], [*look, *_by_length(servos, rooms)]):
         longest = _longest(pairs, rooms, stagger)
         fitting = _slots(pairs, longest, motion_c, frame, clock)
         if fitting is not None:
-            return SlotLayout(fitting[0], fitting[1], stagger)
+            return SlotLayout(fitting[0], fitting[1], stagger, looking)
     minimum = demand(servos, used, frame, clock, doublings, legs=legs).minimum
     raise InputError(
         "frame-too-short",
@@ -206,7 +224,10 @@ def _motion_c(channels: int, doublings: int, *, legs: bool) -> Cycles:
 
 def _longest(pairs: Pairs, rooms: Sequence[Cycles], stagger: Cycles) -> tuple[Cycles, ...]:
     """Return the longest pulse of each slot, with a trim and the later rise."""
-    return tuple(Cycles(max(rooms[channel] for channel in pair) + MAX_TRIM + stagger) for _, pair in pairs)
+    return tuple(
+        Cycles(max(rooms[channel] for channel in pair) + MAX_TRIM + stagger if pair else 0)
+        for _, pair in pairs
+    )
 
 
 Pairs = Sequence[tuple[str, tuple[int, ...]]]

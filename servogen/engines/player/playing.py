@@ -81,13 +81,14 @@ def playing(
     max_error_us: float = 10.0,
     max_bytes: int = DATA_BYTES,
     bends: bool = True,
+    looking: bool = False,
 ) -> Playing:
     """Return how the player plays `trajectory`; `servos` are its joints, in its order.
 
     `bindings` tell which servos belong to legs; `soft` are the frames at which the parts of the soft start
     end. The distance from the plan is as small as tables of `max_bytes` allow; it may exceed `max_error_us`,
     which the caller checks. A walk that exceeds it is encoded more closely, if `bends` allows it with the
-    knees of bent calibrations. Raises InputError.
+    knees of bent calibrations. The program may be `looking` at the wire of another chip. Raises InputError.
     """
     clock = trajectory.clock
     rows = ideal_widths(trajectory, servos, clock)
@@ -96,7 +97,7 @@ def playing(
     pairs = leg_channels(servos, bindings)
     loop_start = trajectory.loop_start
     encoded = encoded_motion(rows, loop_start, soft, pairs, max_error_us, clock, max_bytes)
-    played = _played(trajectory, servos, frame, rows, encoded)
+    played = _played(trajectory, servos, frame, rows, encoded, looking=looking)
     for turns in ((), [turn for turn, _ in pairs] if bends else ()):
         if not encoded.legs or played.plan.schedule.plan_error_us <= max_error_us:
             break
@@ -104,7 +105,7 @@ def playing(
         room = max_bytes - (KNEES_BYTES if knees.bends.any() else 0)
         try:
             closer = encoded_motion(rows, loop_start, soft, pairs, max_error_us, clock, room, knees=knees)
-            other = _played(trajectory, servos, frame, rows, closer)
+            other = _played(trajectory, servos, frame, rows, closer, looking=looking)
         except InputError:  # no time, or no room, for knees
             break
         played = min(played, other, key=lambda each: each.plan.schedule.plan_error_us)
@@ -112,7 +113,13 @@ def playing(
 
 
 def _played(
-    trajectory: JointTrajectory, servos: Sequence[Servo], frame: Frame, rows: Floats, encoded: Encoded
+    trajectory: JointTrajectory,
+    servos: Sequence[Servo],
+    frame: Frame,
+    rows: Floats,
+    encoded: Encoded,
+    *,
+    looking: bool,
 ) -> Playing:
     """Return the trajectory, whose widths are `rows` in cycles, as the chip plays it. Raises InputError."""
     clock = trajectory.clock
@@ -124,7 +131,8 @@ def _played(
     ideal = rows[order]
     pulsed = encoded.widths[~encoded.silent]
     used = [Used(Cycles(int(channel.min())), Cycles(int(channel.max()))) for channel in pulsed.T]
-    slots = layout(servos, used, frame, clock, encoded.scale.doublings, legs=encoded.legs is not None)
+    legs = encoded.legs is not None
+    slots = layout(servos, used, frame, clock, encoded.scale.doublings, legs=legs, looking=looking)
     rises = [slots.rise(channel) for channel in range(len(servos))]
     heard, lead = ~encoded.silent, encoded.lead
     schedule = PulseSchedule(

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
-from servogen.engines.c_text import ChannelText, assembly, decimal, header_values, render_template
+from servogen.engines.c_text import AsmLine, ChannelText, assembly, decimal, header_values, render_template
 from servogen.engines.inputs.buttons import PRESSED_FRAMES, ButtonPin, ControlButtons
 from servogen.engines.inputs.commands import (
     COMMAND_SHIFT,
@@ -17,8 +17,9 @@ from servogen.engines.inputs.commands import (
     CommandLine,
     hearing_table,
 )
+from servogen.engines.inputs.wire import LOOKED_LATE, Wire
 from servogen.engines.player.arithmetic import ENTRIES, FRACTION
-from servogen.engines.player.layout import TICKS
+from servogen.engines.player.layout import TICKS, to_rise
 from servogen.engines.player.playing import Playing
 from servogen.engines.player.script import (
     AGAIN,
@@ -45,6 +46,16 @@ WAY = 32
 FORWARD = 2
 """The number of the first direction that is read forward."""
 
+JOIN_C = 6
+"""The cycles of a turn of the loop that finds the wire's cycle, without its delay, if it was not late."""
+
+LAST_C = 4
+"""The cycles from the wire's last rise before the pulses to that in the middle of the kernel's look, without
+the last delay, the ticks and the kernel's way to the rise of its pins."""
+
+QUIET_TURN = 256 * 6
+"""The cycles, at least, in which the wire is low for one turn of the counter's second byte."""
+
 OVERRUN = "overrun"
 """The variable whose bit 0 is set once the C between two slots has taken too long."""
 
@@ -68,7 +79,7 @@ class _Slots:
     ports: tuple[str, ...]
     """The addresses of the ports, in the order in which slots use them."""
     first: int
-    """The number of slots on the first port."""
+    """The number of slots before those on the second port."""
 
     @classmethod
     def of(cls, played: Playing) -> _Slots:
@@ -81,7 +92,7 @@ class _Slots:
             slots.append(_Slot(a, b, slot.ticks, places[0], places[-1]))
         used = [slot.port for slot in played.layout.slots if slot.channels]
         ports = tuple(f"0x{registers()[f'PORT{name}'].address:02X}" for name in dict.fromkeys(used))
-        return cls(tuple(slots), ports, used.count(used[0]))
+        return cls(tuple(slots), ports, used.count(used[0]) + played.layout.looking)
 
     @property
     def b_follows(self) -> bool:
@@ -130,8 +141,61 @@ class _Pad:
     rest: tuple[str, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class _Delay:
+    """`cycles` as a loop of 8 cycles a turn, counted in two bytes, and instructions for the rest."""
+
+    cycles: int
+    low: int
+    high: int
+    rest: tuple[str, ...]
+
+    @classmethod
+    def of(cls, cycles: int) -> _Delay:
+        """Return the delay of at most half a million cycles; its setting-up and its end are 3 more than turns."""
+        turns, rest = divmod(cycles - 3, 8)
+        more = (*["goto    $+1"] * (rest // 2), *["nop"] * (rest % 2))
+        return cls(cycles, turns & 0xFF, (turns - 1 >> 8) + 1 & 0xFF, more)
+
+
+@dataclass(frozen=True, slots=True)
+class _WireText:
+    follows: bool
+    mask: str
+    code: tuple[AsmLine, ...]
+
+
+def _wire(wire: Wire | None, played: Playing) -> _WireText | None:
+    """Return what a program does about the wire between two chips before its motion."""
+    if wire is None:
+        return None
+    period, slots = played.plan.schedule.period, played.layout
+    values: dict[str, object] = {
+        "follows": wire.follows,
+        "frames": wire.quiet_frames(played.plan.schedule.clock, period),
+        "frame": _Delay.of(period - JOIN_C if wire.follows else period),
+    }
+    if wire.follows:
+        values |= {
+            "port": wire.pin[1],
+            "bit": int(wire.pin[2]),
+            "quiet": period // QUIET_TURN + 1,
+            "late": LOOKED_LATE,
+            "ahead": slots.slots[0].ticks,
+            "last": _Delay.of(period - LAST_C - to_rise(slots.tick) - slots.slots[0].ticks * slots.tick),
+        }
+    code = tuple(assembly(render_template("player/wire.asm", **values)))
+    return _WireText(wire.follows, f"0x{1 << int(wire.pin[2]):02X}", code)
+
+
 def render_player(
-    played: Playing, stored: Stored, buttons: ControlButtons, dialect: str, device: Device, title: str
+    played: Playing,
+    stored: Stored,
+    buttons: ControlButtons,
+    dialect: str,
+    device: Device,
+    title: str,
+    wire: Wire | None = None,
 ) -> str:
     """Return the C file of `played` in `dialect`, with its script as `stored`. Raises RenderError."""
     schedule, encoded = played.plan.schedule, played.encoded
@@ -194,8 +258,15 @@ def render_player(
         stop=_button(buttons.stop),
         stop_off=buttons.stop is not None and buttons.off,
         pressed_frames=PRESSED_FRAMES,
-        inputs_text=[*buttons.text(), *(played.chain.read.text() if played.chain else ())],
-        kernel=list(assembly(kernel(tick, played.layout.stagger))),
+        inputs_text=[
+            *buttons.text(),
+            *(played.chain.read.text() if played.chain else ()),
+            *(wire.text() if wire else ()),
+        ],
+        wire=_wire(wire, played),
+        kernel=list(
+            assembly(kernel(tick, played.layout.stagger, wire.pin[1] if wire and wire.follows else None))
+        ),
         blend=list(assembly(render_template("player/blend.asm", twice=legs is not None))),
         width=list(
             assembly(
@@ -326,16 +397,16 @@ def _rows(played: Playing) -> Iterator[int]:
             yield encoded.rows[first + channel]
 
 
-def kernel(tick: Cycles, stagger: Cycles) -> str:
+def kernel(tick: Cycles, stagger: Cycles, wire: str | None = None) -> str:
     """Return the kernel's assembly; TMR0 counts every `tick` cycles, a slot's second servo rises `stagger`
-    later.
+    later; `wire` is the port of a wire that it looks at.
 
     The timer's next three increments are read at the cycles `reads` after the beginning of the slot.
     """
     reads = (tick - 2, 2 * tick - 1, 3 * tick - 1)
     pads = (_pad(tick - 9), _pad(tick - 9), _pad(tick - 7))
     return render_template(
-        "player/kernel.asm", tick=tick, reads=reads, pads=pads, stagger=stagger, way=WAY + stagger
+        "player/kernel.asm", tick=tick, reads=reads, pads=pads, stagger=stagger, way=WAY + stagger, wire=wire
     )
 
 

@@ -1,0 +1,57 @@
+"""The wire between two chips on one crystal: a servo's signal of the first chip is an input of the second.
+
+In: its pin on a chip, and on which side that is. Out: what the program of each side does about it.
+
+    wire      ____▔▔__________▔▔__________▔▔__________▔▔__________▔▔__________▔▔____   rises once a frame
+    frame         0           1           2           3           4           5
+    second    quiet: begin    └ three frames find the cycle ──────┘ pulses, the rise checked in every frame
+
+Both chips count the same cycles, so the phase that the second one finds stays. A loop of four cycles sees the
+first rise 0 to 3 cycles late; in each of the next three frames the wire is read one cycle before it rises,
+and the program catches up by one cycle if it is high. From then on it is read in the cycle before it rises and
+in the two after, once a frame; unless it is low, high and high there, the pulses are released until the first
+chip begins anew, which it does with a wire that is low for longer than a frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import ClassVar
+
+from servogen.units import Clock, Cycles
+
+LOOKED_LATE = 3
+"""The number of cycles by which the loop that waits for the first rise may see it late."""
+
+JOINING_FRAMES = LOOKED_LATE + 1
+"""The first chip's frames, from its first one on, in which the second has no pulses yet."""
+
+QUIET_S = Fraction(1, 4)
+"""The time in which the first chip keeps the wire low before its motion: the second one's power-up timer may
+end up to 104 ms after its own (DS35007, parameter 33: 28 to 132 ms), and then waits for a quiet frame."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wire:
+    """The end of the wire at a chip's `pin`: the second chip `follows` it, the first one drives it with the
+    pulses of a servo.
+    """
+
+    kind: ClassVar[str] = "the wire of another chip"
+
+    pin: str
+    follows: bool
+
+    def quiet_frames(self, clock: Clock, period: Cycles) -> int:
+        """Return the frames without pulses with which the first chip begins."""
+        return -int(-QUIET_S // clock.seconds(period))
+
+    def text(self) -> tuple[str, str]:
+        """Return the wiring of the pin, as text for the header of the C."""
+        if self.follows:
+            return (
+                f"{self.pin}: the wire from the first chip, 10 kOhm pull-down to ground. The motion begins with",
+                "its first pulse after a quiet frame; unless it rises in its cycle of a frame, no pulses.",
+            )
+        return f"{self.pin}: also the wire to the second chip, which is quiet for", "some frames before the motion."
