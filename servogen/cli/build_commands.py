@@ -21,7 +21,7 @@ from servogen.cli.show import as_json, status, table, warn_of_all
 from servogen.cli.widths import width_table
 from servogen.engines.firmware import ResourceError
 from servogen.errors import Diagnostic, InputError
-from servogen.job import load, plan_job
+from servogen.job import PlannedJob, load, plan_job
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES
 from servogen.plan_error import plan_text
 from servogen.report.text import timing_budgets_text
@@ -35,6 +35,7 @@ from servogen.workflows.certificates import (
 )
 from servogen.workflows.job_build import Build, hex_name, program_facts, write
 from servogen.workflows.job_build import build as built
+from servogen.workflows.pair import build_pair, pair_report, write_pair
 
 SHOWN_FIRST = "hexapod-tripod"
 """The job that is proposed after a demo: the one that moves most."""
@@ -60,6 +61,8 @@ def build(
     """
     loaded = plan_job(load(job))
     folder = output or Path("build") / loaded.name
+    if loaded.chips:
+        raise typer.Exit(_build_pair(loaded, folder, prove, json))
     with status(f"{loaded.name}: planning") as tell:
         result = built(loaded, lambda step: tell(f"{loaded.name}: {step}"))
         write(result, folder)
@@ -77,6 +80,24 @@ def build(
     warn_of_all(result.warnings)
     proven = all(verdict.valid or (verdict.missing and not prove) for verdict in theorems)
     raise typer.Exit(0 if result.exact and proven else 1)
+
+
+def _build_pair(job: PlannedJob, folder: Path, prove: bool, json: bool) -> int:
+    """Build both chips of a job and return the exit code."""
+    if prove:
+        message = "--prove is not decided for two chips: what the wire may do is not covered"
+        hint = f"servogen prove {folder / 'chip1/main.hex'} --against {folder / 'chip1/schedule.json'} is"
+        raise InputError("chip-pair", message, job.document.place("chip"), hint)
+    with status(f"{job.name}: planning") as tell:
+        result = build_pair(job, lambda step: tell(f"{job.name}: {step}"))
+        write_pair(result, folder)
+    if json:
+        as_json({"folder": str(folder), **result.to_json()}, job.warnings)
+    else:
+        print(pair_report(result), end="")
+        print(f"next: servogen verify {folder}")
+    warn_of_all(job.warnings)
+    return 0 if result.exact else 1
 
 
 def demo(

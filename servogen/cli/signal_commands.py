@@ -39,6 +39,7 @@ from servogen.units import Cycles
 from servogen.verify import Verdict, capture_lines, measurement_lines, verdict_lines
 from servogen.verify import measure as measured
 from servogen.workflows.measured_schedule import measured_schedule
+from servogen.workflows.pair import is_built_pair, judge_folder
 from servogen.workflows.signals import (
     device_for,
     is_program,
@@ -139,6 +140,8 @@ def verify(
     json: Json = False,
 ) -> None:
     """Compare a program's edges (default: the motion three times) or a whole recording with a schedule."""
+    if against is None and claim.contract is None and is_built_pair(file):
+        raise typer.Exit(_verify_pair(file, json))
     wires = wires_for(file, source.wire)
     _one_claim(against, claim.contract, {"--stimulus": claim.stimulus, "--clock-hz": claim.clock_hz})
     if claim.contract is not None:
@@ -174,6 +177,17 @@ def verify(
     else:
         print("\n".join((*verdict_lines(verdict), *not_judged(schedule, image))))
     raise typer.Exit(0 if verdict.accepted(source.partial) else 1)
+
+
+def _verify_pair(folder: Path, json: bool) -> int:
+    """Judge both chips of a built pair in one time and return the exit code."""
+    with status("comparing every edge of both chips"):
+        verdict = judge_folder(folder)
+    if json:
+        as_json(verdict.to_json())
+    else:
+        print("\n".join(verdict.lines()))
+    return 0 if verdict.exact else 1
 
 
 def _refuse_for_contract(forever: bool, rate: int | None) -> None:

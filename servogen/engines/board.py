@@ -11,7 +11,6 @@ from servogen.pulse import PulseSchedule
 from servogen.simulator import Levels, Machine, SimulatorOptions, Stimuli
 from servogen.simulator.sources import Periodic, SignalSource, pin_number
 
-
 WIRE_QUIET_S, WIRE_HIGH_US = Fraction(1, 4), Fraction(1500)
 """When an ideal wire rises first, and for how long it is high in every frame."""
 

@@ -15,7 +15,7 @@ from servogen.engines.inputs import InputSection
 from servogen.engines.inputs.buttons import ControlButtons
 from servogen.engines.inputs.commands import COMMANDS
 from servogen.engines.inputs.serial import Stream
-from servogen.engines.inputs.wire import Wire
+from servogen.engines.inputs.wire import FrameWire
 from servogen.pulse.slots import Frame, rises
 from servogen.robot.servo import Servo
 from servogen.units import Clock
@@ -44,7 +44,9 @@ class EngineEntry:
 ENGINES: Mapping[str, EngineEntry] = MappingProxyType(
     {
         "sequence": EngineEntry("servogen.engines.sequence.engine", check_frame=rises),
-        "player": EngineEntry("servogen.engines.player.engine", accepts=(ControlButtons.kind, COMMANDS, Wire.kind)),
+        "player": EngineEntry(
+            "servogen.engines.player.engine", accepts=(ControlButtons.kind, COMMANDS, FrameWire.kind)
+        ),
         "stream": EngineEntry(
             "servogen.engines.stream.engine",
             accepts=(Stream.kind,),

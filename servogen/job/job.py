@@ -10,6 +10,7 @@ from servogen.engines.inputs.buttons import ControlButtons
 from servogen.engines.inputs.commands import Commander, commander
 from servogen.engines.inputs.serial import Stream
 from servogen.errors import Diagnostic, Location
+from servogen.job.chips import PairedChip
 from servogen.job.schema import ExpectTable, Section, SensorTable, SupplyTable
 from servogen.job.tip import Tip
 from servogen.kinematics.protocol import DrivingRobot
@@ -59,6 +60,8 @@ class Job:
     name: str
     document: Document
     """The file, with the location of each key."""
+    chips: tuple[PairedChip, ...]
+    """The two chips of [[chip]]; empty for one chip."""
     device: Device
     clock: Clock
     servos: tuple[Servo, ...]

@@ -24,6 +24,7 @@ from servogen.engines.inputs.commands import (
 )
 from servogen.engines.registry import ENGINES, sections, suitable
 from servogen.errors import InputError, Location, did_you_mean
+from servogen.job.chips import check_alone, chips_of, of_one_chip
 from servogen.job.job import FirmwareSettings, Job
 from servogen.job.rig import rig_of
 from servogen.job.schema import (
@@ -284,15 +285,19 @@ def _with(data: Any, key: Key, value: object) -> Any:
 
 def _job(document: Document) -> Job:
     """Return the job of a document. Raises InputError."""
-    table = toml_file.validate(document, JobTable)
+    table = toml_file.validate(of_one_chip(document), JobTable)
+    chips = chips_of(document, table.servo)
     chip, clock = _chip(document, table)
-    rig = rig_of(document, table)
+    rig = rig_of(document, table, chips)
     servos = rig.servos
     frame = _frame(document, table, clock)
     firmware, inputs = firmware_of(document, table, servos, frame, clock)
+    if chips:
+        check_alone(document, inputs, table)
     return Job(
         name=_name(document),
         document=document,
+        chips=chips,
         device=chip,
         clock=clock,
         servos=servos,

@@ -9,12 +9,13 @@ and joints that do not exist.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from servogen.edges import PINS
 from servogen.errors import InputError, Location, did_you_mean
+from servogen.job.chips import PairedChip
 from servogen.job.schema import JobTable, LegTable, ServoTable
 from servogen.job.tip import ArmTip, LegTip, Tip
 from servogen.kinematics import catalogue
@@ -28,18 +29,19 @@ from servogen.robot.servo_models import FILE_ENDING, points_of, servo_model
 from servogen.toml.file import Document
 
 
-def servos_of(document: Document, rows: tuple[ServoTable, ...]) -> tuple[Servo, ...]:
-    """Return all servos, in the order of the file. Raises InputError."""
-    if len(rows) > len(PINS):
+def servos_of(
+    document: Document, rows: tuple[ServoTable, ...], chips: Sequence[PairedChip] = ()
+) -> tuple[Servo, ...]:
+    """Return all servos, in the order of the file; each pin is one of its chip. Raises InputError."""
+    if len(rows) > len(PINS) and not chips:
         raise document.error(
             "too-many-servos",
             ("servo", len(PINS)),
             f"{len(rows)} servos, but the chip has {len(PINS)} pins: two chips are needed",
-            "a job drives one chip: give it the servos of some of the legs; `servogen gait` plans the "
-            "whole robot",
+            'write [[chip]] twice: see "Two chips" in docs/job.md',
         )
     by_name: dict[str, int] = {}
-    by_pin: dict[str, str] = {}
+    by_pin: dict[tuple[int, str], str] = {}
     for index, row in enumerate(rows):
         if row.name in by_name:
             raise document.error(
@@ -55,11 +57,12 @@ def servos_of(document: Document, rows: tuple[ServoTable, ...]) -> tuple[Servo, 
                 f"unknown pin '{row.pin}'",
                 did_you_mean(row.pin, PINS),
             )
-        if row.pin in by_pin:
+        pin = next((number for number, chip in enumerate(chips) if row.name in chip.servos), 0), row.pin
+        if pin in by_pin:
             raise document.error(
                 "pin-in-use",
                 ("servo", index, "pin"),
-                f"two servos are on pin {row.pin}: {by_pin[row.pin]} and {row.name}",
+                f"two servos are on pin {row.pin}: {by_pin[pin]} and {row.name}",
                 "each servo needs a pin of its own",
             )
         if row.pin == OPEN_DRAIN_PIN and not row.open_drain:
@@ -75,7 +78,7 @@ def servos_of(document: Document, rows: tuple[ServoTable, ...]) -> tuple[Servo, 
                 ("servo", index, "open_drain"),
                 f"{row.pin} is not an open drain: only {OPEN_DRAIN_PIN} is",
             )
-        by_name[row.name], by_pin[row.pin] = index, row.name
+        by_name[row.name], by_pin[pin] = index, row.name
     return tuple(_servo(document, index, row) for index, row in enumerate(rows))
 
 
@@ -180,9 +183,9 @@ class JobRig:
     tip: Tip | None
 
 
-def rig_of(document: Document, table: JobTable) -> JobRig:
+def rig_of(document: Document, table: JobTable, chips: Sequence[PairedChip] = ()) -> JobRig:
     """Return what the servos of a job move. Raises InputError."""
-    servos = servos_of(document, table.servo)
+    servos = servos_of(document, table.servo, chips)
     if table.leg is not None:
         if table.robot is not None:
             raise document.error(

@@ -41,6 +41,18 @@ class ChipTable(Table):
     clock_hz: int = Field(gt=0)
 
 
+class ChipPairTable(Table):
+    """One of two [[chip]], which share a crystal: the pulses on the first chip's pin `wire` tell the second
+    one, on the pin `wire` of that, when a frame begins.
+    """
+
+    device: str
+    clock_hz: int = Field(gt=0)
+    wire: PinName
+    servos: tuple[str, ...] | None = None
+    """Its servos; without it, the second chip's begin with the first servo whose pin is in use."""
+
+
 class ServoTable(FactKeys, Table):
     """[[servo]], which can override any fact of its model."""
 

@@ -198,11 +198,13 @@ class WireRule:
     """
 
     pin: str
+    source: str
+    """The other chip's pin."""
     frames: int
     cycles: Cycles
 
     def to_json(self) -> dict[str, object]:
-        return {"pin": self.pin, "frames": self.frames, "cycles": self.cycles}
+        return {"pin": self.pin, "from": self.source, "frames": self.frames, "cycles": self.cycles}
 
 
 @dataclass(frozen=True, slots=True)
@@ -406,10 +408,13 @@ class _Reader:
         )
 
     def _wire(self, data: Any, channels: tuple[Channel, ...]) -> WireRule:
-        pin, frames, cycles = self._table(data, "wire", ("pin", "frames", "cycles"))
+        pin, source, frames, cycles = self._table(data, "wire", ("pin", "from", "frames", "cycles"))
         read = self._input({"pin": pin, "level": 0}, "wire", channels)
         return WireRule(
-            read.pin, self._whole(frames, "wire.frames", 0), Cycles(self._whole(cycles, "wire.cycles", 0))
+            read.pin,
+            self._input({"pin": source, "level": 0}, "wire.from", ()).pin,
+            self._whole(frames, "wire.frames", 0),
+            Cycles(self._whole(cycles, "wire.cycles", 0)),
         )
 
     def _buttons(self, data: Any, channels: tuple[Channel, ...]) -> ButtonRule:

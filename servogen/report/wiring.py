@@ -8,7 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from servogen.engines.inputs import given
 from servogen.engines.inputs.commands import CommandButton, CommandLine
+from servogen.engines.inputs.wire import FrameWire
 from servogen.job import Job
 from servogen.pic.device import OPEN_DRAIN_PIN, PACKAGE
 from servogen.report.drawing import PALETTE
@@ -52,12 +54,23 @@ def wires(job: Job) -> Iterator[Wire]:
         yield Wire(numbers[pin], pin, f"serial line in, {stream.baud} baud, 5 V, idle high")
         if stream.transmit_pin:
             yield Wire(numbers[stream.transmit_pin], stream.transmit_pin, "serial line out, 5 V, idle high")
+    chips = given(job.inputs, FrameWire)
+    crystal = ("crystal, 22 pF to VSS", "crystal, 22 pF to VSS")
+    if chips is not None:
+        end = "from the first" if chips.follows else "to the second"
+        use = f"wire {end} chip's {chips.other}{', 10 kOhm pull-down to ground' if chips.follows else ''}"
+        yield Wire(numbers[chips.pin], chips.pin, use)
+        crystal = (
+            ("OSC2 of the first chip", "nothing")
+            if chips.follows
+            else (crystal[0], f"{crystal[1]}, and OSC1 of the second chip")
+        )
     for pin, use in (
         ("VDD", "+5 V, 100 nF to VSS"),
         ("VSS", "ground, also of the servos' supply"),
         ("MCLR", "10 kOhm to VDD"),
-        ("OSC1", "crystal, 22 pF to VSS"),
-        ("OSC2", "crystal, 22 pF to VSS"),
+        ("OSC1", crystal[0]),
+        ("OSC2", crystal[1]),
     ):
         yield Wire(numbers[pin], pin, use)
 

@@ -52,6 +52,14 @@ def planned(job: PlannedJob) -> PlayedJob:
 
     Raises InputError; ResourceError if no engine can hold the motion.
     """
+    if job.chips:
+        raise InputError(
+            "chip-pair",
+            "the job is for two chips: no single program plays it",
+            job.document.place("chip"),
+            "`servogen build` writes both programs, `servogen verify` judges both; the folders chip1/ and "
+            "chip2/ are builds for other commands",
+        )
     played = _planned(job)
     schedule = replace(played.plan.schedule, device=job.device.name)
     plan = replace(played.plan, schedule=schedule)

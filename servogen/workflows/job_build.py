@@ -162,12 +162,13 @@ def build(job: PlannedJob, progress: Progress = lambda step: None) -> Build:
     Raises InputError or ResourceError, with a hint that lists what would fit, if the job cannot be built.
     """
     try:
-        return _built(job, progress)
+        return build_alone(job, progress)
     except (InputError, ResourceError) as error:
         raise advised(job, error, progress) from error
 
 
-def _built(job: PlannedJob, progress: Progress) -> Build:
+def build_alone(job: PlannedJob, progress: Progress) -> Build:
+    """Return the build of a job without advice where it does not fit. Raises InputError or ResourceError."""
     progress("planning")
     played = planned(job)
     schedule = played.plan.schedule

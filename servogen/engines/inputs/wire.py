@@ -8,9 +8,9 @@ In: its pin on a chip, and on which side that is. Out: what the program of each 
 
 Both chips count the same cycles, so the phase that the second one finds stays. A loop of four cycles sees the
 first rise 0 to 3 cycles late; in each of the next three frames the wire is read one cycle before it rises,
-and the program catches up by one cycle if it is high. From then on it is read in the cycle before it rises and
-in the two after, once a frame; unless it is low, high and high there, the pulses are released until the first
-chip begins anew, which it does with a wire that is low for longer than a frame.
+and the program catches up by one cycle if it is high. From then on it is read in the cycle before it rises
+and in the two after, once a frame; unless it is low, high and high there, the pulses are released until the
+first chip begins anew, which it does with a wire that is low for longer than a frame.
 """
 
 from __future__ import annotations
@@ -33,15 +33,16 @@ end up to 104 ms after its own (DS35007, parameter 33: 28 to 132 ms), and then w
 
 
 @dataclass(frozen=True, slots=True)
-class Wire:
+class FrameWire:
     """The end of the wire at a chip's `pin`: the second chip `follows` it, the first one drives it with the
-    pulses of a servo.
+    pulses of a servo. `other` is the pin of its other end.
     """
 
     kind: ClassVar[str] = "the wire of another chip"
 
     pin: str
     follows: bool
+    other: str
 
     def quiet_frames(self, clock: Clock, period: Cycles) -> int:
         """Return the frames without pulses with which the first chip begins."""
@@ -51,7 +52,7 @@ class Wire:
         """Return the wiring of the pin, as text for the header of the C."""
         if self.follows:
             return (
-                f"{self.pin}: the wire from the first chip, 10 kOhm pull-down to ground. The motion begins with",
-                "its first pulse after a quiet frame; unless it rises in its cycle of a frame, no pulses.",
+                f"{self.pin}: the wire from the first chip's {self.other}, 10 kOhm pull-down to ground.",
+                "The motion begins after a quiet frame; no pulses unless it rises in its cycle of each.",
             )
-        return f"{self.pin}: also the wire to the second chip, which is quiet for", "some frames before the motion."
+        return f"{self.pin}: also the wire to the second chip's {self.other}.", "Quiet before the motion."

@@ -11,7 +11,7 @@ from servogen.engines.firmware import Firmware, ResourceError
 from servogen.engines.inputs import given
 from servogen.engines.inputs.buttons import ControlButtons, waited, waited_motion
 from servogen.engines.inputs.commands import commander
-from servogen.engines.inputs.wire import JOINING_FRAMES, Wire
+from servogen.engines.inputs.wire import JOINING_FRAMES, FrameWire
 from servogen.engines.player import Playing, playing
 from servogen.engines.player.commanded import commanded
 from servogen.engines.player.legs import LONGEST
@@ -38,7 +38,7 @@ def play(
     Raises InputError or ResourceError.
     """
     buttons = given(job.inputs, ControlButtons) or ControlButtons()
-    line, wire = commander(job.inputs), given(job.inputs, Wire)
+    line, wire = commander(job.inputs), given(job.inputs, FrameWire)
     begun, ends = with_soft_start(job.trajectory, job.servos, job.clock, job.firmware.soft_start_s)
     follows = wire is not None and wire.follows
     if follows:
@@ -67,7 +67,9 @@ def play(
         waiting,
         inputs=buttons.inputs,
         buttons=buttons.rule,
-        wire=WireRule(wire.pin, JOINING_FRAMES, played.layout.after_rise) if wire and follows else None,
+        wire=WireRule(wire.pin, wire.other, JOINING_FRAMES, played.layout.after_rise)
+        if wire and follows
+        else None,
     )
     plan = replace(played.plan, schedule=schedule)
     return waited_motion(played.trajectory, buttons.waiting), replace(played, plan=plan), schedule

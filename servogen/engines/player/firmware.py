@@ -16,7 +16,7 @@ from servogen.engines.firmware import Firmware, ResourceError, TimingBudget
 from servogen.engines.fitting import compiled_to_fit
 from servogen.engines.inputs import given
 from servogen.engines.inputs.buttons import ControlButtons
-from servogen.engines.inputs.wire import Wire
+from servogen.engines.inputs.wire import FrameWire
 from servogen.engines.player import Playing, SlotLayout
 from servogen.engines.player.rendering import OVERRUN, render_player
 from servogen.engines.player.theorem import allowances
@@ -45,7 +45,7 @@ def compiled(job: EngineJob, played: Playing, dialect: str) -> Firmware:
     buttons = given(job.inputs, ControlButtons) or ControlButtons()
 
     def with_script(stored: Stored) -> Firmware:
-        wire = given(job.inputs, Wire)
+        wire = given(job.inputs, FrameWire)
         text = render_player(played, stored, buttons, dialect, job.device, job.name, wire)
         return replace(firmware(text, job, played.layout, dialect), script=stored)
 

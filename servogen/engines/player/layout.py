@@ -83,7 +83,7 @@ class Slot:
 class SlotLayout:
     """The slots of a frame; the first begins `slots[0].ticks` after the last one of the previous frame.
 
-    If the program is `looking` at the wire of another chip, it does so in the first slot, which has no pulses.
+    If the program is `looking` at the wire of another chip, it does so in the first slot, without pulses.
     """
 
     slots: tuple[Slot, ...]

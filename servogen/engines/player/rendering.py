@@ -17,7 +17,7 @@ from servogen.engines.inputs.commands import (
     CommandLine,
     hearing_table,
 )
-from servogen.engines.inputs.wire import LOOKED_LATE, Wire
+from servogen.engines.inputs.wire import LOOKED_LATE, FrameWire
 from servogen.engines.player.arithmetic import ENTRIES, FRACTION
 from servogen.engines.player.layout import TICKS, to_rise
 from servogen.engines.player.playing import Playing
@@ -152,7 +152,7 @@ class _Delay:
 
     @classmethod
     def of(cls, cycles: int) -> _Delay:
-        """Return the delay of at most half a million cycles; its setting-up and its end are 3 more than turns."""
+        """Return the delay of at most half a million cycles; its ends take 3 beside the turns."""
         turns, rest = divmod(cycles - 3, 8)
         more = (*["goto    $+1"] * (rest // 2), *["nop"] * (rest % 2))
         return cls(cycles, turns & 0xFF, (turns - 1 >> 8) + 1 & 0xFF, more)
@@ -165,7 +165,7 @@ class _WireText:
     code: tuple[AsmLine, ...]
 
 
-def _wire(wire: Wire | None, played: Playing) -> _WireText | None:
+def _wire(wire: FrameWire | None, played: Playing) -> _WireText | None:
     """Return what a program does about the wire between two chips before its motion."""
     if wire is None:
         return None
@@ -195,7 +195,7 @@ def render_player(
     dialect: str,
     device: Device,
     title: str,
-    wire: Wire | None = None,
+    wire: FrameWire | None = None,
 ) -> str:
     """Return the C file of `played` in `dialect`, with its script as `stored`. Raises RenderError."""
     schedule, encoded = played.plan.schedule, played.encoded

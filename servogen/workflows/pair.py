@@ -1,0 +1,249 @@
+"""A job of two chips -> two builds, run in one time with the wire between them, and the verdict on both.
+
+In: a planned job with two chips. Out: `PairBuild`, and a folder with `chip1/`, `chip2/` and one report. The
+first chip does not depend on the second: it runs first, and the edges on its pin of the wire are what the
+second one's pin gets. Both count from the same power-up.
+
+    chip 1 ──▶ edges ──▶ its schedule
+                 └ the wire's pin ──▶ chip 2 ──▶ edges ──▶ its schedule, and how far from the first one's
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from servogen.edges import HIGH, PINS, EdgeTrace, join
+from servogen.engines.board import board_of, machine_of
+from servogen.errors import InputError, Location
+from servogen.job import PlannedJob
+from servogen.job.chips import part_of
+from servogen.outputs import write_text
+from servogen.pic.image import Image
+from servogen.plan_error import plan_text
+from servogen.programs import read_program, read_schedule
+from servogen.pulse import PulseSchedule
+from servogen.simulator import Levels, Machine, Stimuli
+from servogen.simulator.sources import SignalSource
+from servogen.units import Cycles
+from servogen.verify import Verdict, verdict_lines
+from servogen.workflows.job_build import Build, build_alone, write
+from servogen.workflows.verification import START_FRAMES, checked_cycles, judge_edges
+
+FOLDERS = ("chip1", "chip2")
+
+
+@dataclass(frozen=True, slots=True)
+class PairVerdict:
+    """The verdicts on two chips that run in one time, and how far the second one's first edge is from where
+    the wire puts it: None if one of them never begins.
+    """
+
+    chips: tuple[Verdict, Verdict]
+    apart: int | None
+
+    @property
+    def exact(self) -> bool:
+        return self.apart == 0 and all(verdict.passed for verdict in self.chips)
+
+    def lines(self) -> list[str]:
+        """Return the verdict as text."""
+        apart = (
+            "chip2 and chip1 do not both begin"
+            if self.apart is None
+            else f"chip2 is {self.apart:+d} cycles from the wire's frame"
+            if self.apart
+            else "chip2 keeps the wire's frame: 0 cycles apart"
+        )
+        parts = [
+            f"{name}: {line}"
+            for name, verdict in zip(FOLDERS, self.chips, strict=True)
+            for line in verdict_lines(verdict)
+        ]
+        return [*parts, apart, f"both chips: {'exact' if self.exact else 'NOT exact'} in one run"]
+
+    def to_json(self) -> dict[str, object]:
+        return {
+            "exact": self.exact,
+            "apart_cycles": self.apart,
+            "chips": [verdict.to_json() for verdict in self.chips],
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class PairBuild:
+    """The builds of both chips; of each dialect that both have, the verdict on its two programs."""
+
+    job: PlannedJob
+    chips: tuple[Build, Build]
+    verdicts: Mapping[str, PairVerdict]
+
+    @property
+    def exact(self) -> bool:
+        return all(verdict.exact for verdict in self.verdicts.values())
+
+    def to_json(self) -> dict[str, object]:
+        return {
+            "job": self.job.name,
+            "exact": self.exact,
+            "chips": [chip.to_json() for chip in self.chips],
+            "pairs": {dialect: verdict.to_json() for dialect, verdict in self.verdicts.items()},
+        }
+
+
+def chip_jobs(job: PlannedJob) -> tuple[PlannedJob, PlannedJob]:
+    """Return the job of each chip: its servos' part of the motion, and its end of the wire.
+
+    Raises InputError for a motion with pauses, which would stop the wire.
+    """
+    if np.isnan(job.trajectory.angles).any():
+        raise InputError(
+            "chip-pair",
+            "the motion has frames without pulses, which would stop the wire",
+            job.document.place("chip"),
+            'no pauses without pulses, and no end = "release"',
+        )
+    jobs = []
+    for folder, chip in zip(FOLDERS, job.chips, strict=True):
+        jobs.append(
+            replace(
+                job,
+                name=f"{job.name}-{folder}",
+                chips=(),
+                servos=tuple(servo for servo in job.servos if servo.name in chip.servos),
+                bindings=tuple(binding for binding in job.bindings if binding.servo in chip.servos),
+                trajectory=part_of(job.trajectory, chip.servos),
+                inputs=(chip.wire,),
+                # Of the whole robot: no chip moves it alone.
+                robot=None,
+                tip=None,
+                section=None,
+                sensors=(),
+                poses=(),
+                parts=(),
+                warnings=(),
+                notes=(),
+            )
+        )
+    first, second = jobs
+    return first, second
+
+
+def build_pair(job: PlannedJob, progress: Callable[[str], None] = lambda step: None) -> PairBuild:
+    """Build both chips and judge them together. Raises InputError or ResourceError."""
+    jobs = chip_jobs(job)
+    first, second = (build_alone(each, progress) for each in jobs)
+    periods = [build.plan.schedule.period for build in (first, second)]
+    if periods[0] != periods[1]:
+        raise InputError(
+            "chip-pair",
+            f"the chips' frames differ: {periods[0]} and {periods[1]} cycles",
+            job.document.place("frame", "period_us"),
+            f"write a period of {max(periods)} cycles, or deal the servos otherwise",
+        )
+    images = [
+        {program.firmware.dialect: program.image for program in each.programs} for each in (first, second)
+    ]
+    schedules = first.plan.schedule, second.plan.schedule
+    verdicts = {
+        dialect: judge_pair(schedules, (images[0][dialect], images[1][dialect]))
+        for dialect in images[0]
+        if dialect in images[1]
+    }
+    return PairBuild(job, (first, second), verdicts)
+
+
+def wire_edges(schedule: PulseSchedule, image: Image, pin: str, span: Cycles) -> tuple[tuple[int, int], ...]:
+    """Return the levels of the first chip's pin of the wire, with the pull-down: (cycle, level)."""
+    trace = EdgeTrace(schedule.clock, machine_of(schedule, image).stream(span), span)
+    edges = join(trace.chunks)
+    mine = edges.pin == PINS.index(pin)
+    levels = (edges.level[mine] == HIGH).astype(int)
+    return ((0, 0), *zip(edges.cycle[mine].tolist(), levels.tolist(), strict=True))
+
+
+def second_chip(
+    schedule: PulseSchedule,
+    image: Image,
+    wire: tuple[tuple[int, int], ...],
+    *more: SignalSource,
+) -> Machine:
+    """Return the second chip with these levels on its wire, and `more` that happens to its pins."""
+    assert schedule.wire is not None
+    sources = [Levels(PINS.index(schedule.wire.pin), wire), *more]
+    return Machine(image, schedule.clock, board_of(schedule), Stimuli(sources))
+
+
+def judge_pair(
+    schedules: tuple[PulseSchedule, PulseSchedule],
+    images: tuple[Image, Image],
+    change: Callable[[tuple[tuple[int, int], ...]], tuple[tuple[int, int], ...]] = lambda wire: wire,
+) -> PairVerdict:
+    """Run both chips in one time and return the verdict; `change` is what happens to the wire's edges on
+    their way.
+    """
+    first, second = schedules
+    rule = second.wire
+    assert rule is not None
+    span = Cycles(max(checked_cycles(each) for each in schedules))
+    limit = Cycles(span + START_FRAMES * first.period)
+    trace = EdgeTrace(first.clock, machine_of(first, images[0]).stream(limit), limit)
+    leads = judge_edges(first, trace, span)
+    wire = change(wire_edges(first, images[0], rule.source, limit))
+    machine = second_chip(second, images[1], wire)
+    follows = judge_edges(
+        second, EdgeTrace(second.clock, machine.stream(limit), limit), checked_cycles(second)
+    )
+    rise = next((cycle for cycle, level in wire if level), None)
+    apart = None
+    if rise is not None and follows.start is not None:
+        apart = follows.start - rise - rule.frames * second.period - rule.cycles
+    return PairVerdict((leads, follows), apart)
+
+
+def judge_folder(folder: Path) -> PairVerdict:
+    """Return the verdict on the HEX files of a built pair. Raises InputError."""
+    parts = [folder / name for name in FOLDERS]
+    schedules = [read_schedule(part / "schedule.json") for part in parts]
+    images = [read_program(part / "main.hex").image for part in parts]
+    first, second = schedules
+    if second.wire is None or first.period != second.period:
+        raise InputError("chip-pair", "chip2 does not follow chip1: build both again", Location(str(folder)))
+    return judge_pair((first, second), (images[0], images[1]))
+
+
+def is_built_pair(path: Path) -> bool:
+    """Return whether `path` is the folder of a built pair."""
+    return all((path / name / "schedule.json").is_file() for name in FOLDERS)
+
+
+def write_pair(result: PairBuild, folder: Path) -> None:
+    """Write both builds and the report of the pair."""
+    for name, build in zip(FOLDERS, result.chips, strict=True):
+        write(build, folder / name)
+    write_text(folder / "report.txt", pair_report(result))
+
+
+def pair_report(result: PairBuild) -> str:
+    """Return the text of the pair's report: the wiring of both chips, their programs, and the verdicts."""
+    name, (first, second) = result.job.name, result.job.chips
+    lines = [name, "=" * len(name), ""]
+    lines += [
+        "One crystal, at chip1; its OSC2 is chip2's OSC1. One supply, one ground.",
+        f"The wire: {first.wire.pin} of chip1, also a servo's signal, to {second.wire.pin} of chip2, with a "
+        "pull-down of 10 kOhm.",
+        "chip2 has no pulses in the first frames of chip1 and begins with the next. In a frame in which the",
+        "wire does not rise in its cycle it releases its pulses; it begins again when chip1 does.",
+    ]
+    for folder, build in zip(FOLDERS, result.chips, strict=True):
+        pins = ", ".join(f"{servo.pin} {servo.name}" for servo in build.job.servos)
+        words = ", ".join(f"{each.firmware.dialect} {each.image.words}" for each in build.programs)
+        error = plan_text(build.plan.schedule.plan_error)
+        lines += ["", f"{folder}: {pins}", f"  words: {words}; {error}; all of it in {folder}/report.txt"]
+    for dialect, verdict in result.verdicts.items():
+        lines += ["", f"{dialect}:", *(f"  {line}" for line in verdict.lines())]
+    lines += ["", "This is one run of each pair. What holds for every power-up and wire is not decided."]
+    return "\n".join(line.rstrip() for line in lines) + "\n"

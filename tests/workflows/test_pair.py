@@ -1,0 +1,233 @@
+"""Two chips on one crystal: the second one keeps the wire's frame to the cycle, or has no pulses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from click.testing import Result
+from typer.testing import CliRunner
+
+from servogen.cli.app import app
+from servogen.edges import HIGH, EdgeTrace, join
+from servogen.errors import InputError
+from servogen.job import loads, plan_job
+from servogen.prove import prove_for_all
+from servogen.simulator import Reset
+from servogen.units import Cycles
+from servogen.workflows import planned
+from servogen.workflows.pair import PairBuild, build_pair, judge_pair, second_chip, wire_edges
+
+JOB = """
+[[chip]]
+device = "PIC16F84"
+clock_hz = 4_000_000
+wire = "RB1"
+
+[[chip]]
+device = "PIC16F84"
+clock_hz = 4_000_000
+wire = "RA4"
+
+[[servo]]
+name = "a"
+pin = "RB0"
+model = "mpx-tiny-s"
+
+[[servo]]
+name = "b"
+pin = "RB1"
+model = "mpx-tiny-s"
+
+[[servo]]
+name = "c"
+pin = "RB0"
+model = "mpx-tiny-s"
+
+[[servo]]
+name = "d"
+pin = "RA3"
+model = "mpx-tiny-s"
+
+[motion]
+poses = [
+    { a_deg = 60, b_deg = 90, c_deg = 120, d_deg = 90, move_s = 0.2, hold_s = 0.1 },
+    { a_deg = 90, b_deg = 100, c_deg = 60, d_deg = 70, move_s = 0.2, hold_s = 0.1 },
+]
+"""
+
+P = 20_000
+"""Cycles of a frame."""
+
+Wire = tuple[tuple[int, int], ...]
+
+
+@pytest.fixture(scope="module")
+def pair() -> PairBuild:
+    return build_pair(plan_job(loads(JOB, "pair.toml")))
+
+
+@pytest.fixture(scope="module")
+def wire(pair: PairBuild) -> Wire:
+    """The first 60 frames' levels of the wire."""
+    first = pair.chips[0]
+    return wire_edges(first.plan.schedule, first.programs[0].image, "RB1", Cycles(80 * P))
+
+
+def rises(wire: Wire) -> list[int]:
+    return [cycle for cycle, level in wire if level]
+
+
+def high_edges(pair: PairBuild, wire: Wire, *more: Reset, frames: int = 60) -> list[int]:
+    """The cycles in which a pulse of the second chip begins, with this wire."""
+    second = pair.chips[1]
+    machine = second_chip(second.plan.schedule, second.programs[0].image, wire, *more)
+    end = Cycles(frames * P)
+    edges = join(EdgeTrace(second.plan.schedule.clock, machine.stream(end), end).chunks)
+    return sorted(set(edges.cycle[edges.level == HIGH].tolist()))
+
+
+def test_both_chips_are_exact_and_zero_cycles_apart_in_every_dialect(pair: PairBuild) -> None:
+    assert list(pair.verdicts) == ["c2c", "xc8", "sdcc"]
+    assert all(verdict.exact and verdict.apart == 0 for verdict in pair.verdicts.values())
+
+
+def test_poses_reach_both_chips_in_the_same_frame(pair: PairBuild) -> None:
+    """Four frames of the first chip are the second one's wait; from there on both play the same frame."""
+    first, second = (build.plan.schedule for build in pair.chips)
+    assert second.wire is not None and second.wire.frames == 4
+    assert first.lead_in_frames - second.lead_in_frames == 4
+    assert first.loop_frames == second.loop_frames
+
+
+@pytest.mark.parametrize("shift", [*range(9), 12_345, 400_001])
+def test_the_second_chip_finds_the_wires_cycle_whenever_it_began(
+    pair: PairBuild, wire: Wire, shift: int
+) -> None:
+    moved = ((0, 0), *((cycle + shift, level) for cycle, level in wire[1:]))
+    rule = pair.chips[1].plan.schedule.wire
+    assert rule is not None
+    begun = high_edges(pair, moved)
+    assert begun[0] == rises(moved)[0] + 4 * P + rule.cycles
+
+
+def later_from(frame: int, cycles: int) -> Callable[[Wire], Wire]:
+    """The wire's edges come so much later from this rise on."""
+    return lambda wire: tuple(
+        (cycle + (cycles if cycle >= rises(wire)[frame] else 0), level) for cycle, level in wire
+    )
+
+
+def without(frame: int) -> Callable[[Wire], Wire]:
+    """One pulse of the wire is missing."""
+    return lambda wire: tuple(
+        (cycle, level)
+        for cycle, level in wire
+        if not rises(wire)[frame] <= cycle < rises(wire)[frame] + P // 2
+    )
+
+
+def held_from(frame: int, level: int) -> Callable[[Wire], Wire]:
+    return lambda wire: (
+        *((cycle, before) for cycle, before in wire if cycle < rises(wire)[frame] - 100),
+        (rises(wire)[frame] - 100, level),
+    )
+
+
+WRONG = {
+    "a cycle late": later_from(12, 1),
+    "a cycle early": later_from(12, -1),
+    "a missing pulse": without(12),
+    "held low": held_from(12, 0),
+    "held high": held_from(12, 1),
+}
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_a_wrong_wire_releases_the_pulses_in_its_frame_for_good(
+    pair: PairBuild, wire: Wire, what: str
+) -> None:
+    """The last pulse is that of the frame before; what begins again needs a quiet wire."""
+    rule, right = pair.chips[1].plan.schedule.wire, rises(wire)
+    assert rule is not None
+    found = high_edges(pair, WRONG[what](wire))
+    assert right[11] + rule.cycles <= found[-1] < right[12]
+    assert len(found) == len([cycle for cycle in high_edges(pair, wire) if cycle < right[12]])
+
+
+def test_the_verdict_on_a_wrong_wire_names_the_first_missing_edge(pair: PairBuild) -> None:
+    schedules = pair.chips[0].plan.schedule, pair.chips[1].plan.schedule
+    images = pair.chips[0].programs[0].image, pair.chips[1].programs[0].image
+    verdict = judge_pair(schedules, images, WRONG["a cycle late"])
+    assert verdict.chips[0].passed and not verdict.exact
+    assert "frame 8" in verdict.chips[1].reasons[0] and "does not" in verdict.chips[1].reasons[0]
+
+
+def test_a_wire_that_never_rises_gives_no_pulse(pair: PairBuild) -> None:
+    assert high_edges(pair, ((0, 0),)) == []
+    assert high_edges(pair, ((0, 1),)) == []
+
+
+@pytest.mark.parametrize("offset", [0, 1, 777, 5_003, 19_999])
+def test_a_reset_of_the_second_chip_releases_it_until_the_first_begins_anew(
+    pair: PairBuild, wire: Wire, offset: int
+) -> None:
+    right = rises(wire)
+    begin = right[10] + offset
+    anew = tuple((cycle + 50 * P, level) for cycle, level in wire if cycle < right[10])
+    again = (*((cycle, level) for cycle, level in wire if cycle < right[20]), (right[20], 0), *anew[1:])
+    found = high_edges(pair, again, Reset(begin, begin + 50), frames=80)
+    rule = pair.chips[1].plan.schedule.wire
+    assert rule is not None
+    assert [cycle for cycle in found if begin < cycle < right[0] + 50 * P] == []
+    assert right[0] + 54 * P + rule.cycles in found
+
+
+def test_frames_of_the_first_chip_begin_after_the_second_one_can_listen(pair: PairBuild, wire: Wire) -> None:
+    """Its power-up timer may end 104 ms later (DS35007, parameter 33), and it waits for a quiet frame."""
+    assert rises(wire)[0] >= 104_000 + 2 * P
+
+
+@pytest.mark.parametrize(
+    ("change", "to", "says"),
+    [
+        ('wire = "RB1"', 'wire = "RB5"', "no servo of the first chip is on RB5"),
+        ('wire = "RA4"', 'wire = "RA3"', "RA3 is in use: d"),
+        ('wire = "RA4"', 'wire = "RA4"\nservos = ["c"]', "'servos' is missing"),
+        ("[motion]", '[firmware]\nengine = "sequence"\n[motion]', "does not follow another chip"),
+        ("[motion]", '[firmware]\nstart_pin = "RB7"\n[motion]', "two chips do not read buttons"),
+        ('pin = "RA3"', 'pin = "RB0"', "two servos are on pin RB0: c and d"),
+    ],
+)
+def test_a_pair_that_cannot_be_is_refused_with_the_reason(change: str, to: str, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        loads(JOB.replace(change, to), "pair.toml")
+
+
+def test_no_single_program_plays_a_pair() -> None:
+    with pytest.raises(InputError, match="no single program plays it"):
+        planned(plan_job(loads(JOB, "pair.toml")))
+
+
+def invoke(*words: str) -> Result:
+    return CliRunner().invoke(app, list(words))
+
+
+def test_build_writes_two_folders_that_verify_judges_together(tmp_path: Path) -> None:
+    job = tmp_path / "pair.toml"
+    job.write_text(JOB)
+    built = invoke("build", str(job), "-o", str(tmp_path / "b"))
+    assert built.exit_code == 0, built.output
+    assert invoke("verify", str(tmp_path / "b")).exit_code == 0
+    report = (tmp_path / "b/report.txt").read_text()
+    assert "RB1 of chip1, also a servo's signal, to RA4 of chip2" in report and "proven" not in report
+    (tmp_path / "b/chip2/main.hex").write_bytes((tmp_path / "b/chip1/main.hex").read_bytes())
+    judged = invoke("verify", str(tmp_path / "b"))
+    assert judged.exit_code == 1 and "both chips: NOT exact" in judged.output
+
+
+def test_what_any_wire_may_do_to_the_second_chip_is_not_decided(pair: PairBuild) -> None:
+    second = pair.chips[1]
+    proof = prove_for_all(second.programs[0].image, second.plan.schedule)
+    assert not proof.proven and proof.counterexample is None and "wire" in proof.reason
