@@ -1,8 +1,8 @@
 """[[chip]] twice in a job -> the two chips, their servos and the wire between them.
 
-In: the tables, and the motion of the whole robot. Out: `PairedChip`, its servos and its end of the wire; the motion
-of some of the servos. Raises InputError for servos that both chips have
-or none, for chips of different clocks, and for a wire that is no servo's.
+In: the tables, and the motion of the whole robot. Out: `PairedChip`, its servos and its end of the wire;
+the motion of some of the servos. Raises InputError for servos that both chips have or none, for chips of
+different clocks, and for a wire that is no servo's.
 """
 
 from __future__ import annotations

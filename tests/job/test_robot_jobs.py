@@ -288,4 +288,4 @@ def test_eighteen_servos_are_refused_with_what_would_drive_them() -> None:
         InputError, match="18 servos, but the chip has 13 pins: two chips are needed"
     ) as caught:
         loads(head + servos + "[walk]\nroute = [{ forward_mm = 30 }]\n", "big.toml")
-    assert "`servogen gait` plans the whole robot" in (caught.value.hint or "")
+    assert "write [[chip]] twice" in (caught.value.hint or "")

@@ -16,7 +16,7 @@ from servogen.job import loads, plan_job
 from servogen.prove import prove_for_all
 from servogen.simulator import Reset
 from servogen.units import Cycles
-from servogen.workflows import planned
+from servogen.workflows.engines import planned
 from servogen.workflows.pair import PairBuild, build_pair, judge_pair, second_chip, wire_edges
 
 JOB = """
