@@ -113,7 +113,7 @@ class AssumedBits:
     `field` is a name of `UNCERTAIN` or a RAM address as "0x0C". With `steer`, the byte stays unknown: the
     choice only decides which path is taken. Other fields are events: "TMR0_PHASE": TMR0 stands still for
     `value` cycles after a write of OPTION_REG; "EE_DONE": an EEPROM write ends, `value` cycles from now;
-    "WATCHDOG": it ends SLEEP now.
+    "WATCHDOG": it ends SLEEP now; "TIMER": TMR0 has these bits, and counts on with them.
     """
 
     field: str
@@ -537,7 +537,7 @@ class AbstractChip:
             value = int(s[slot]) & 0xFF & ~choice.bits | choice.value & choice.bits
             s[slot] = value | mask_kept << at.UNKNOWN_SHIFT | int(s[slot]) & at.NOT_WRITTEN
         else:
-            row = UNCERTAIN[choice.field]
+            row = UNCERTAIN["TMR0" if choice.field == "TIMER" else choice.field]
             value_slot, mask_slot = row.number, _SLOTS[row.unknown_name]
             before = int(s[mask_slot]) << 16 | int(s[value_slot]) & 0x1FFF
             s[value_slot] = int(s[value_slot]) & ~choice.bits | choice.value & choice.bits

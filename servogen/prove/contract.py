@@ -302,7 +302,7 @@ class _ContractProver:
             image, clock, self._board, {}, quantifiers.watchdog, longest, of_no_interest=~watched
         )
         self._write_us = longest or self._board.eeprom_us
-        self._program = PreparedProgram(image, quantifiers.eeprom_write)
+        self._program = PreparedProgram(image, quantifiers.eeprom_write, tells_timers=True)
         limit = clock.round_seconds(LONGEST_RUN_S)
         self._transitions = Transitions(self._chip, limit)
         self._always = self._program.choice_points

@@ -50,6 +50,8 @@ class PreparedProgram:
     image: Image
     any_write_time: bool = True
     """Whether an EEPROM write may end in any cycle."""
+    tells_timers: bool = False
+    """Whether an unknown TMR0 that will interrupt is told apart; the checker of certificates cannot."""
 
     def at(self, pc: int) -> Decoded | None:
         """Return the decoded instruction at an address; None if there is none."""
@@ -195,7 +197,10 @@ def ways_of(program: PreparedProgram, state: ChipState, use: Use, chosen: Choice
     if len(chosen) >= MAX_CHOICES:
         return None
     if use.kind == layout.USE_INTERRUPT and use.subject & layout.T0IF and state["TMR0_UNKNOWN"]:
-        return None  # when TMR0 overflows is unknown, and so is the time of its interrupt
+        if not program.tells_timers:
+            return None  # when TMR0 overflows is unknown, and so is the time of its interrupt
+        unknown = _unknown_mask(state, "TMR0")
+        return [(*chosen, AssumedBits("TIMER", unknown, value)) for value in _values(unknown)]
     if use.kind == layout.USE_INTERRUPT:
         flags = [1 << bit for bit in range(3) if use.subject >> bit & 1]
         # A pin may set its flag before the instruction, or in the second cycle of one that takes two.
@@ -220,6 +225,16 @@ def ways_of(program: PreparedProgram, state: ChipState, use: Use, chosen: Choice
         bit = mask & -mask
         return [(*chosen, AssumedBits(field, bit, value)) for value in (0, bit)]
     return None
+
+
+def _values(mask: int) -> Iterator[int]:
+    """Yield every value of the bits in a mask, from 0 on."""
+    value = 0
+    while True:
+        yield value
+        value = value - mask & mask  # counts through the mask's bits, past those between
+        if not value:
+            return
 
 
 def _bit_of(decoded: Decoded, field: str) -> int:

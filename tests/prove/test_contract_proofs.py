@@ -137,6 +137,36 @@ def test_a_wave_is_proven_and_one_turn_more_is_not() -> None:
     assert "is high for more than 32 cycles" in found.counterexample.message
 
 
+TICK = """
+        goto    main
+        org     4
+        movlw   .{reload}
+        addwf   TMR0, f
+        bcf     INTCON, T0IF
+        movlw   1
+        xorwf   PORTB, f
+        retfie
+main    clrf    PORTB
+        bsf     STATUS, RP0
+        clrf    TRISB
+        movlw   0x88
+        movwf   OPTION_REG
+        bcf     STATUS, RP0
+        movlw   0xA0
+        movwf   INTCON
+        goto    $
+"""
+"""TMR0 has no value at the start, and stands still for 2 cycles and the write's own after each ADDWF: a period
+of 256 - reload + 3 cycles, give or take the cycle by which GOTO delays the interrupt."""
+
+
+def test_a_timer_that_begins_anywhere_is_told_apart_where_it_interrupts() -> None:
+    ticks = '[[pulse]]\npin = "RB0"\nhigh_us = [249, 251]\nperiod_us = [498, 502]\n'
+    assert proof(image(TICK.format(reload=9)), ticks).proven
+    later = image(TICK.format(reload=7))
+    assert replayed(later, ticks, proof(later, ticks, Quantifiers(resets=False))).startswith("violated")
+
+
 def test_what_no_read_tells_is_not_decided() -> None:
     program = image(ANSWER.format(delay=""))
     pattern = '[[response]]\nwhen = ["RB0 falls", "RB0 rises"]\nthen = "RB4 rises"\nwithin_us = [0, 9]\n'
