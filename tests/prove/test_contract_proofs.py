@@ -156,8 +156,8 @@ main    clrf    PORTB
         movwf   INTCON
         goto    $
 """
-"""TMR0 has no value at the start, and stands still for 2 cycles and the write's own after each ADDWF: a period
-of 256 - reload + 3 cycles, give or take the cycle by which GOTO delays the interrupt."""
+"""TMR0 has no value at the start, and stands still for 2 cycles and the write after each ADDWF: a period of
+256 - reload + 3 cycles, give or take the cycle by which GOTO delays the interrupt."""
 
 
 def test_a_timer_that_begins_anywhere_is_told_apart_where_it_interrupts() -> None:
