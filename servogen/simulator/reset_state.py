@@ -22,7 +22,7 @@ from servogen.pic.device import (
 )
 from servogen.pic.image import Image
 from servogen.simulator import layout as at
-from servogen.simulator.layout import INTF, RB4_TO_7, RBIF, ROWS, T0IF, UNCERTAIN
+from servogen.simulator.layout import INTF, RB4_TO_7, ROWS, T0IF, UNCERTAIN
 from servogen.simulator.options import SimulatorOptions
 from servogen.simulator.slots import ALL_PINS, SlotFacts
 from servogen.units import Clock
@@ -52,8 +52,6 @@ def power_up(image: Image, clock: Clock, options: SimulatorOptions, tracked: boo
     s[at.START_UP] = start_up if options.oscillator_start_up else 0
     s[at.RA4_PULLED_UP] = options.ra4_pull_up
     s[at.PINS] = (s[at.FLOATING] | (0x10 if options.ra4_pull_up else 0)) & ALL_PINS
-    if (s[at.PINS] ^ s[at.RB_OLD]) & RB4_TO_7:  # which sets RBIF for as long as it lasts: DS35007 section 4.2
-        s[at.INTCON] |= RBIF
     shortest = min(options.watchdog_us, WATCHDOG_US[0])
     s[at.WDT_PERIOD] = clock.round_us(options.watchdog_us).cycles if config & CONFIG_WATCHDOG_ON else 0
     s[at.WDT_SHORTEST] = clock.round_us(shortest).cycles if config & CONFIG_WATCHDOG_ON else 0

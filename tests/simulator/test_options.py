@@ -112,7 +112,7 @@ def test_without_start_values_everything_is_0_and_with_a_seed_anything() -> None
     state = powered().state()
     assert (set(state.ram), state.w, state.status, state.registers["FSR"]) == ({0}, 0, 0x18, 0)
     assert (state.registers["LATA"], state.registers["LATB"], state.registers["INTCON"]) == (0, 0, 0)
-    seen = [powered(start_seed=seed).state() for seed in range(200)]  # RBIF is rarely 0: RB4 to RB7 differ
+    seen = [powered(start_seed=seed).state() for seed in range(40)]
     for name, mask in (("FSR", 0xFF), ("TMR0", 0xFF), ("LATA", 0x1F), ("LATB", 0xFF), ("EECON1", 8),
                        ("INTCON", 1), ("EEDATA", 0xFF), ("EEADR", 0xFF), ("STATUS", 7)):  # fmt: skip
         values = [one.registers[name] for one in seen]
@@ -121,7 +121,7 @@ def test_without_start_values_everything_is_0_and_with_a_seed_anything() -> None
             every, some = every & value, some | value
         fixed = 0x18 if name == "STATUS" else 0
         assert (every, some) == (fixed, mask | fixed), name
-    assert len({one.ram for one in seen}) == 200
+    assert len({one.ram for one in seen}) == 40
     assert powered(start_seed=3).state() == powered(start_seed=3).state()
     assert powered(start_seed=3, start=(("w", 9),)).state().w == 9
 
@@ -153,11 +153,12 @@ def test_the_timers_before_the_first_instruction(oscillator: str, timer: str) ->
 
 
 @pytest.mark.parametrize("floating", [0, 1])
-def test_pins_that_differ_from_the_latches_at_power_up_set_rbif_before_anything_changes(
+def test_pins_that_differ_from_the_latches_at_power_up_set_rbif_though_no_pin_changes(
     floating: int,
 ) -> None:
     """DS35007 section 4.2: the mismatch outputs of RB4 to RB7 set it, whether or not a pin changes."""
     for latches in range(16):
         options = SimulatorOptions(floating=floating, start=(("rb-old", latches), ("rbif", 0)))
-        intcon = Machine(image("GOTO $"), CLOCK, options).state().registers["INTCON"]
-        assert intcon & 1 == int(latches != 0xF * floating)
+        machine = Machine(image("GOTO $"), CLOCK, options)
+        machine.run(4)
+        assert machine.state().registers["INTCON"] & 1 == int(latches != 0xF * floating)

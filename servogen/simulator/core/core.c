@@ -205,6 +205,10 @@ INLINED bool observe(Chip *s, const Cpu *p, const Work *on, i64 from)
 INLINED i64 between(Chip *s, i64 end, const Work *on, bool observed)
 {
     deliver_events(s, on->edges, on->stim);
+    if (s->cycle == s->awake_at && !s->tracked) { /* at power-up pins may differ before any has changed */
+        compare(s);
+        note_flags(s, s->cycle);
+    }
     if (s->cycle >= s->stim_known && s->stim_next == s->stim_count) {
         settle_counters(s, min(s->cycle, s->stim_known));
         return NEEDS_STIMULUS;
