@@ -62,6 +62,8 @@ PERIOD = 20_000
 """Cycles between the resets that are tried for a counterexample, and after its breach."""
 
 
+UNREAD = 1_000_000
+"""Cycles without a read of an input after which a whole pulse of it has been missed."""
 STEPS = 128
 """Times since a cause are told apart in so many steps up to its limit."""
 
@@ -107,11 +109,12 @@ class SampledResponse:
     def wait(self, state: State, levels: int, cycles: int) -> State:
         level, since, most, fewest = state
         _, most, fewest = self.response.wait((0, most, fewest), levels, cycles)
-        limit = self.response.within.most
+        limit, cause = self.response.within.most, self.response.when[0]
         if most == NONE and self._may_come(level) and since + cycles > limit + 1:
-            cause = self.response.when[0]
             raise Broken(f"'{cause}' may come, and is not read within {limit} cycles", limit + 2 - since)
-        return (level, min(since + cycles, limit + 2), most, fewest)
+        if most == NONE and since + cycles > UNREAD:
+            raise Broken(f"{PINS[cause.pin]} is not read for {UNREAD} cycles", UNREAD + 1 - since)
+        return (level, min(since + cycles, max(limit, UNREAD) + 2), most, fewest)
 
     def read(self, state: State, level: int) -> State:
         """Return the state after the program has read the pin."""
@@ -135,6 +138,8 @@ class SampledResponse:
         least = self.response.within.least
         # A fewest time that is long enough is as good as any longer one.
         fewest = fewest if fewest == NONE else least if fewest >= least else fewest // step * step
+        if most == NONE and not self._may_come(level):
+            since = _up(since, UNREAD // STEPS)
         return (level, _up(since, step), most if most == NONE else _up(most, step), fewest)
 
     def sees(self, state: State, before: int, after: int) -> bool:

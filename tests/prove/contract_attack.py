@@ -1,0 +1,221 @@
+"""An attack on `servogen prove --contract`: a fault that only inputs or a power-up show must not be proven.
+
+    python -m tests.prove.contract_attack --mutants 300 --seed 1
+
+One bit of a program that keeps its contract is changed. A mutant that still keeps it in a plain run, and
+breaks it under random inputs, RAM or phases of TMR0, is given to the prover. What is broken is judged here,
+from the edges alone: the observers of the prover have no part in it. Exit code 1 if anything is proven.
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import pairwise, zip_longest
+from pathlib import Path
+
+from servogen.contract import parse_contract
+from servogen.edges import PINS
+from servogen.pic.image import Image
+from servogen.programs import read_program
+from servogen.prove.contract import prove_contract
+from servogen.simulator import Levels, SimulatorOptions, Stimuli
+from servogen.simulator.pin_levels import pin_trace
+from servogen.units import Clock, Cycles
+from tests.prove.test_contract_proofs import ANSWER, BRIDGE, NEVER, TICK, WAVE, answer, image
+from tests.testing.page import PROGRAMS
+
+CLOCK = Clock(4_000_000)
+CI = Path(__file__).parent.parent.parent / "docs" / "examples" / "ci"
+Edges = list[tuple[int, int]]
+"""(cycle, level) of one pin, alternating, from low on."""
+Waves = dict[str, Edges]
+GLITCH = 10
+"""Cycles that a pin may be high while it becomes an output (docs/contracts.md)."""
+
+
+def pulses(pin: str, high: tuple[int, int], period: tuple[int, int]) -> Callable[[Waves], bool]:
+    """Return a judge of every whole pulse, in cycles."""
+
+    def kept(waves: Waves) -> bool:
+        edges = waves[pin]
+        widths = [b - a for (a, level), (b, _) in pairwise(edges) if level]
+        rises = [cycle for cycle, level in edges if level]
+        return all(high[0] <= each <= high[1] for each in widths) and all(
+            period[0] <= b - a <= period[1] for a, b in pairwise(rises)
+        )
+
+    return kept
+
+
+def never(*pairs: tuple[str, str]) -> Callable[[Waves], bool]:
+    """Return a judge of pins that must not be high together."""
+
+    def kept(waves: Waves) -> bool:
+        for one, two in pairs:
+            levels = {one: 0, two: 0}
+            moments = sorted((c, pin, level) for pin in (one, two) for c, level in waves[pin])
+            for (cycle, pin, level), after in zip_longest(moments, moments[1:]):
+                levels[pin] = level
+                if all(levels.values()) and (after is None or after[0] > cycle):
+                    return False
+        return True
+
+    return kept
+
+
+def answered(waves: Waves) -> bool:
+    """Judge ANSWER: RB4 rises 2 to 6 cycles after RB0 falls, and falls only after RB0 rose."""
+    end = waves["end"][0][0]
+    for cycle, level in waves["RB0"]:
+        if level == 0 and 40 < cycle < end - 100:
+            rise = next((c for c, up in waves["RB4"] if up and c > cycle), end)
+            if not 2 <= rise - cycle <= 6:
+                return False
+    return True
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A program, its contract, and what judges it; inputs change after `hold` cycles or more."""
+
+    name: str
+    image: Image
+    contract: str
+    kept: Callable[[Waves], bool]
+    inputs: tuple[str, ...] = ()
+    hold: int = 100
+    cycles: int = 40_000
+
+
+def compiled(text: str, folder: Path) -> Image:
+    path = folder / "program.c"
+    path.write_text(text)
+    return read_program(path).image
+
+
+def subjects(folder: Path) -> list[Subject]:
+    pulse = '[[pulse]]\npin = "{}"\nhigh_us = [{}, {}]\nperiod_us = [{}, {}]\n'.format
+    coils = '[[never]]\ncondition = "RB0 high and RB2 high"\n[[never]]\ncondition = "RB1 high and RB3 high"\n'
+    lamp = pulse("RB3", 480, 1530, 1880, 2060)
+    bridge = image(BRIDGE.format(first=2, second=4, between=""))
+    digits = '[[never]]\ncondition = "RA0 high and RA1 high"\n'
+    held, slow = {"inputs": ("RB7",), "hold": 9000}, {"cycles": 200_000}
+    return [
+        Subject("answer", image(ANSWER.format(delay="")), answer(2, 6), answered, ("RB0",), 3000),
+        Subject("bridge", bridge, NEVER, never(("RB1", "RB2")), ("RA0",)),
+        Subject("wave", image(WAVE.format(turns=10)), pulse("RB3", 32, 32, 336, 336),
+                pulses("RB3", (32, 32), (336, 336))),
+        Subject("tick", image(TICK.format(reload=9)), pulse("RB0", 249, 251, 498, 502),
+                pulses("RB0", (249, 251), (498, 502)), cycles=20_000),
+        Subject("stepper", compiled(PROGRAMS["stepper.c"], folder), coils,
+                never(("RB0", "RB2"), ("RB1", "RB3")), **held, **slow),  # type: ignore[arg-type]
+        Subject("pwm", compiled(PROGRAMS["pwm.c"], folder), pulse("RB3", 495, 505, 1980, 2020),
+                pulses("RB3", (495, 505), (1980, 2020))),
+        Subject("segments", compiled(PROGRAMS["seven_segments.c"], folder), digits, never(("RA0", "RA1")),
+                cycles=60_000),
+        Subject("interrupt", compiled(PROGRAMS["interrupt.c"], folder), pulse("RB0", 245, 255, 490, 510),
+                pulses("RB0", (245, 255), (490, 510)), cycles=20_000),
+        Subject("dimmer", compiled((CI / "dimmer.c").read_text(), folder), lamp,
+                pulses("RB3", (480, 1530), (1880, 2060)), ("RB0",), 5000, 200_000),
+        Subject("two lamps", image(LAMPS), '[[never]]\ncondition = "RB1 high and RB3 high"\n',
+                never(("RB1", "RB3")), ("RA1", "RA2")),
+    ]  # fmt: skip
+
+
+LAMPS = """
+        bsf     STATUS, RP0
+        clrf    TRISB
+        bcf     STATUS, RP0
+        clrf    PORTB
+        clrf    0x20
+loop    btfsc   PORTA, 1
+        incf    0x20, f
+        btfsc   PORTA, 2
+        decf    0x20, f
+        movlw   2
+        btfsc   0x20, 2
+        movlw   8
+        movwf   PORTB
+        goto    loop
+"""
+
+
+def waves(subject: Subject, program: Image, rng: random.Random | None) -> Waves:
+    """Run a program: plainly, or with random inputs, start values and phase."""
+    options, sources, inputs = SimulatorOptions(), [], Waves()
+    if rng is not None:
+        seed = rng.choice((None, rng.randrange(1 << 20)))
+        options = replace(options, start_seed=seed, tmr0_phase=rng.randrange(4))
+    for pin in subject.inputs if rng is not None else ():
+        assert rng is not None
+        cycle, level, changes = 0, rng.randrange(2), []
+        while cycle < subject.cycles:
+            changes.append((Cycles(cycle), level))
+            cycle += subject.hold + rng.randrange(subject.hold * rng.choice((1, 3, 9)))
+            level ^= 1
+        sources.append(Levels(PINS.index(pin), changes))
+        inputs[pin] = [(int(at), to) for at, to in changes]
+    trace = pin_trace(program, CLOCK, Cycles(subject.cycles), options, Stimuli(sources) if sources else None)
+    found: Waves = {pin: [] for pin in PINS} | inputs | {"end": [(subject.cycles, 0)]}
+    for chunk in trace.chunks:
+        for cycle, pin, level in zip(*(column.tolist() for column in chunk), strict=True):
+            edges = found[PINS[pin]]
+            if PINS[pin] in inputs or (level == 1) == bool(edges and edges[-1][1]):
+                continue
+            if level != 1 and edges and cycle - edges[-1][0] <= GLITCH and cycle < 60:
+                edges.pop()
+            else:
+                edges.append((cycle, int(level == 1)))
+    return found
+
+
+def mutant(program: Image, rng: random.Random) -> tuple[int, Image]:
+    address = rng.choice(sorted(program.program))
+    word = program.program[address] ^ 1 << rng.randrange(14)
+    return address, replace(program, program=program.program | {address: word})
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--mutants", type=int, default=100, help="hidden faults to give to the prover")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--max-states", type=int, default=4000)
+    parser.add_argument("--folder", type=Path, default=Path("/tmp"))
+    given = parser.parse_args()
+    rng, found, began = random.Random(given.seed), Counter[str](), time.monotonic()
+    every = subjects(given.folder)
+    for subject in every:
+        clauses = parse_contract(subject.contract, f"{subject.name}.toml").clauses(CLOCK)
+        proof = prove_contract(subject.image, clauses, CLOCK)
+        assert proof.proven, (subject.name, proof.reason)
+        assert subject.kept(waves(subject, subject.image, None)), subject.name
+        assert all(subject.kept(waves(subject, subject.image, rng)) for _ in range(4)), subject.name
+    hidden = 0
+    while hidden < given.mutants:
+        subject = every[found["mutants"] % len(every)]
+        found["mutants"] += 1
+        address, changed = mutant(subject.image, rng)
+        if not subject.kept(waves(subject, changed, None)):
+            continue
+        if all(subject.kept(waves(subject, changed, rng)) for _ in range(4)):
+            continue
+        hidden += 1
+        clauses = parse_contract(subject.contract, f"{subject.name}.toml").clauses(CLOCK)
+        proof = prove_contract(changed, clauses, CLOCK, max_states=given.max_states)
+        answer_ = "proven" if proof.proven else "counterexample" if proof.counterexample else "not decided"
+        found[answer_] += 1
+        found[f"{subject.name}: hidden"] += 1
+        if proof.proven:
+            print(f"PROVEN {subject.name} {address:#x} = {changed.program[address]:#06x}", flush=True)
+    print(f"{time.monotonic() - began:.0f} s: {dict(found)}")
+    return int(found["proven"] > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
