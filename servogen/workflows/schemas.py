@@ -22,7 +22,7 @@ from pydantic_core import core_schema
 from servogen.contract.clauses import ContractFile, PulseTable, SerialTable
 from servogen.edges import PINS
 from servogen.grade.lab import LabTable
-from servogen.job.schema import JobTable
+from servogen.job.schema import ChipPairTable, JobTable
 from servogen.kinematics import catalogue
 from servogen.kinematics.registry import KINDS
 from servogen.pic.device import DEVICES
@@ -39,8 +39,15 @@ Schema = dict[str, Any]
 def job_schema() -> Schema:
     """Return the schema of a job file; it completes names of the catalogue and allows all others."""
     schema = json_schema([JobTable], "servogen job")
+    # One [chip], or two [[chip]], which the reader takes apart before it validates the job.
+    tables, pair = schema["definitions"], json_schema([ChipPairTable], "pair")["definitions"]
+    chips = tables["JobTable"]["properties"]
+    both = {"type": "array", "items": {"$ref": "#/definitions/ChipPairTable"}, "minItems": 2, "maxItems": 2}
+    chips["chip"] = {"anyOf": [chips["chip"], both]}
+    schema["definitions"] = {**tables, **pair}
     known = {
         ("ChipTable", "device"): tuple(device.name for device in DEVICES),
+        ("ChipPairTable", "device"): tuple(device.name for device in DEVICES),
         ("ServoTable", "model"): servo_models.names(),
         ("RobotTable", "name"): catalogue.names(),
     }

@@ -235,3 +235,12 @@ def test_taplo_checks_a_file_against_the_schema_that_it_names(tmp_path: Path) ->
         )
         assert (done.returncode == 0) == (name == "right"), done.stderr
     assert "clok_hz" in done.stderr
+
+
+def test_two_chips_are_a_job_for_the_schema_too() -> None:
+    """Their example is accepted; without its wire a chip is not."""
+    file = ROOT / "docs/examples/two-chips/hexapod-eighteen.toml"
+    data = tomllib.loads(file.read_text())
+    assert list(validator("job").iter_errors(data)) == [] and len(job.load(file).chips) == 2
+    del data["chip"][1]["wire"]
+    assert list(validator("job").iter_errors(data)) != []
