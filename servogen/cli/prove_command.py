@@ -13,7 +13,7 @@ from servogen.cli.contracts import ContractProofRequest, run_contract_proof
 from servogen.cli.files import read_program
 from servogen.cli.options import ClockHz, Json, OwnDevice
 from servogen.cli.schedule_proof import NOT_PROVEN, Claim, Over, check_complete, prove_schedule
-from servogen.cli.show import as_json, status
+from servogen.cli.show import as_json, print_lines, status
 from servogen.errors import InputError, Location
 from servogen.pic.analysis.facts import Answer, Facts, decided_and_fine
 from servogen.programs import clock_of
@@ -97,7 +97,7 @@ def prove(
     if json:
         as_json({"file": str(file), "answers": [answer.to_json() for answer in answers]})
     else:
-        print("\n".join(_text(answer) for answer in answers))
+        print_lines(line for answer in answers for line in _text(answer).splitlines())
     if not decided_and_fine(answers):
         raise typer.Exit(NOT_PROVEN)
 

@@ -11,7 +11,7 @@ import typer
 
 from servogen.checker import Checked
 from servogen.cli.files import check_outputs, read_program
-from servogen.cli.show import as_json, next_step, status
+from servogen.cli.show import as_json, next_step, print_lines, status
 from servogen.engines.stream.engine import stream
 from servogen.engines.stream.streaming import Streaming
 from servogen.errors import InputError, Location
@@ -188,11 +188,11 @@ def prove_schedule(
         answer = _proof_to_json(proof, witness, file, claim, schedule)
         as_json(answer if line is None else answer | _line_to_json(line, proof, file, claim, schedule))
     elif line is None:
-        print("\n".join(_lines(proof, witness, file, claim, schedule)))
+        print_lines(_lines(proof, witness, file, claim, schedule))
         if witness is not None and claim.certificate is not None:
             print(next_step("check-certificate", claim.certificate, file, "--against", against))
     else:
-        print("\n".join(_line_lines(line, proof, file, claim, schedule)))
+        print_lines(_line_lines(line, proof, file, claim, schedule))
     if line is not None:
         return PROVEN if line.proven and claim.accept_one_engine else NOT_PROVEN
     accepted = witness is not None and (witness.checked is not None or claim.accept_one_engine)

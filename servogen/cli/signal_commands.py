@@ -22,7 +22,7 @@ from servogen.cli.options import (
     Seconds,
     StimulusFile,
 )
-from servogen.cli.show import as_json, next_step, status, warn_of_all
+from servogen.cli.show import as_json, next_step, print_lines, status, warn_of_all
 from servogen.contract import proposed_contract
 from servogen.edges import EdgeTrace
 from servogen.errors import InputError, Location
@@ -175,7 +175,7 @@ def verify(
     if json:
         as_json(verdict.to_json() | _run_json(schedule, image), verdict.warnings)
     else:
-        print("\n".join((*verdict_lines(verdict), *not_judged(schedule, image))))
+        print_lines((*verdict_lines(verdict), *not_judged(schedule, image)))
     raise typer.Exit(0 if verdict.accepted(source.partial) else 1)
 
 
@@ -186,7 +186,7 @@ def _verify_pair(folder: Path, json: bool) -> int:
     if json:
         as_json(verdict.to_json())
     else:
-        print("\n".join(verdict.lines()))
+        print_lines(verdict.lines())
     return 0 if verdict.exact else 1
 
 
@@ -248,8 +248,7 @@ def _verify_forever(
     if json:
         as_json(forever.to_json() | _run_json(schedule, program.image), forever.verdict.warnings)
     else:
-        print(forever.text())
-        print("\n".join((*verdict_lines(forever.verdict), *not_judged(schedule, program.image))))
+        print_lines((forever.text(), *verdict_lines(forever.verdict), *not_judged(schedule, program.image)))
     return 0 if forever.passed else 1
 
 
@@ -279,7 +278,7 @@ def _verify_capture(
     if json:
         as_json(verdict.to_json() | _run_json(schedule, None))
     else:
-        print("\n".join((*capture_lines(verdict), *not_judged(schedule))))
+        print_lines((*capture_lines(verdict), *not_judged(schedule)))
     return 0 if verdict.accepted(partial) else 1
 
 
@@ -373,7 +372,7 @@ def measure(
     if json:
         as_json(measurement.to_json(), warnings)
         return
-    print("\n".join(measurement_lines(measurement)))
+    print_lines(measurement_lines(measurement))
     for line in files.next_steps(file):
         print(line)
     warn_of_all(warnings)
