@@ -40,6 +40,7 @@ UNITLESS = {
         *("elements", "rank", "closed_loops", "passive_joints", "mobility", "manoeuvrability", "resets"),
         *("found", "different_frames_seen", "lead_in_only_frames_seen", "loop_frames_seen", "counters"),
         *("ram_high_water", "seen", "breaches", "states", "runs", "forks", "visits", "repeats", "chips"),
+        "poses",
         *("captures", "commands", "rounds", "outages", "ram_left", "words_left", "saved_by_pass", "points"),
         *("max_points", "rows", "script", "timings", "laws", "slots_between_commands", "not_allowed", "pins"),
     ),

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+import servogen.cli.compile_command  # binds the compiler before a test puts another in its place
 import servogen.compiler
 import servogen.pic.assembler
 from servogen import isolation
@@ -47,7 +48,7 @@ def replace_tool(monkeypatch: pytest.MonkeyPatch, work: Callable[..., None]) -> 
     monkeypatch.setattr(servogen.compiler, "compile_sources", work)
     monkeypatch.setattr(servogen.pic.assembler, "assemble", work)
     monkeypatch.setattr("servogen.cli.compile_command.compile_sources", work)
-    monkeypatch.setattr("servogen.cli.assembly_commands.assembled", work)
+    monkeypatch.setattr("servogen.cli.assembly_commands.link", work)
 
 
 @pytest.mark.parametrize(

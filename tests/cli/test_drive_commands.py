@@ -483,7 +483,12 @@ def test_a_calibration_shows_its_readings_its_line_and_its_file(
     shown_calibration(servo, (Path("jobs/x.toml"), None))
     line = "width = 1000.5 µs -5.2500 µs/°; rms 1.52°, worst +1.50°"
     add = 'add to the servo in the job: calibration = "x.toml"'
-    assert capsys.readouterr().out.splitlines() == [line, "jobs/x.toml: written", add]
+    assert capsys.readouterr().out.splitlines() == [
+        line,
+        "jobs/x.toml: written",
+        add,
+        "next: servogen check jobs/a.toml",
+    ]
     rows = [("1000.0", "0.0", "-0.25"), ("1450.0", "90.0", "+1.50"), ("1900.0", "180.0", "+0.00")]
     columns = ("width µs", "seen °", "off the line °")
     assert tables == [(f"{servo.name}, {servo.model.title}", columns, rows)]
@@ -491,6 +496,7 @@ def test_a_calibration_shows_its_readings_its_line_and_its_file(
     assert capsys.readouterr().out.splitlines()[1:] == [
         "/other/x.toml: written; /other/x.1.toml is the file that was there",
         'add to the servo in the job: calibration = "/other/x.toml"',
+        "next: servogen check jobs/a.toml",
     ]
     refusal = Diagnostic("warning", "out-of-range", "too far")
     shown_calibration(servo, (Path("jobs/x.toml"), None), (refusal,))

@@ -155,7 +155,7 @@ def building(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         monkeypatch,
         job_package,
         "plan_job",
-        lambda path: SimpleNamespace(name=Path(path).stem, warnings=(), notes=()),
+        lambda path: SimpleNamespace(name=Path(path).stem, warnings=(), notes=(), chips=()),
     )
 
     def build(job: Any, tell: Callable[[str], None]) -> Any:

@@ -62,6 +62,7 @@ WALK = [
     f"drive {LAB8} --range-us 500,2500 --dry-run --seconds 1",
     f"twin {ROOT / 'jobs' / 'hexapod-tripod.toml'} --seconds 0.2",
     f"calibrate {LAB8} --readings seen.csv -o c.toml",
+    "import wave.csv -o wave.toml",
 ]
 """Each command, with what it needs; `beside` has the files."""
 
@@ -70,6 +71,7 @@ WALK = [
 def beside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "moves.rvm").write_text("PD 1,0,300,200,-90,90\n10 MO 1\n20 OD 3\n30 ED\nRN 10\n", "utf-8")
+    (tmp_path / "wave.csv").write_text("time_s,arm_deg\n0,90\n0.5,90\n1,120\n1.5,120\n", "utf-8")
     (tmp_path / "seen.csv").write_text("width_us,angle_deg\n1000,0\n1500,91\n2000,179\n", "utf-8")
 
 

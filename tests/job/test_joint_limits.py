@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from threading import Event
 
 import numpy as np
 import pytest
@@ -95,9 +96,9 @@ def test_a_pose_recorded_from_sliders_beyond_the_limits_can_be_built(tmp_path: P
     """It is at the limits, which are rounded inward: 90° - 45.55° is 44.45°."""
     planned(tmp_path)
     editor = Editor(tmp_path / "job.toml", Setting())
-    found, _ = editor.handle({"do": "record", "text": JOB, "angles": [3.0, 0.1]}, print)
+    found, _ = editor.handle({"do": "record", "text": JOB, "angles": [3.0, 0.1]}, Event())
     assert "{ sa_deg = 120, sb_deg = 44.5, hold_s = 1 }" in found["text"]
-    assert editor.handle({"do": "check", "text": found["text"]}, print)[0]["good"]
+    assert editor.handle({"do": "check", "text": found["text"]}, Event())[0]["good"]
 
 
 def test_a_servo_that_cannot_turn_its_joint_within_its_limits_is_refused_where_it_is_mounted(

@@ -65,7 +65,7 @@ def test_the_wheels_of_the_base_are_at_60_300_and_180_degrees() -> None:
     _, _, *wheels = base_outline(base, np.zeros((1, 3)))
     middles = [wheel[0].mean(axis=0) for wheel in wheels]
     angles = [round(float(np.degrees(np.arctan2(y, x))) % 360) for x, y, _ in middles]
-    assert angles == [60, 180, 300]
+    assert angles == [60, 300, 180]
     assert np.linalg.norm(middles, axis=1) == pytest.approx(base.wheel_distance)
 
 
