@@ -573,10 +573,10 @@ class Lemmas:
         # `due` and the times in `response` ensure.
         taken_over = addresses("mask", "next_lo", "next_hi", "next_port", "due", "todo", "value")
         sent = addresses("rx_byte", "rx_left", "rx_bits")
-        for place in sorted(context & (main.reads | main.writes)):
+        loop = preparing.reads | preparing.writes | executing.reads | executing.writes
+        for place in sorted(context & (main.reads | main.writes | loop)):
             raise Fails(f"main uses {self._name(place)}, where the interrupt keeps its registers")
-        loop = (preparing.reads | preparing.writes | executing.reads | executing.writes) & written
-        for place in sorted(loop - taken_over - sent):
+        for place in sorted(loop & written - taken_over - sent):
             raise Fails(f"main uses {self._name(place)}, which the interrupt writes")
         for place in sorted((preparing.writes | executing.writes) & touched - taken_over - sent):
             raise Fails(f"main writes {self._name(place)}, which the interrupt uses")
