@@ -50,7 +50,7 @@ TMR0_STANDS = 3
 """Cycles from a write of TMR0 in which it does not count, that of the write included (DS35007 figure 5-2)."""
 LATENCY = 4
 """The maximum number of cycles from the overflow to the first instruction of the interrupt (DS35007 section
-6.9).
+6.8).
 """
 TMR0, INTCON = addresses("TMR0", "INTCON")
 GIE = 7

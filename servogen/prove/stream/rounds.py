@@ -182,7 +182,8 @@ class _Closure:
         `end`.
         """
         if self.interrupt.gaps and end < overflow:
-            return range(overflow + 2, overflow + 4)  # three cycles, less or more one (DS35007 section 6.8)
+            # It is the same for instructions of one and of two cycles (DS35007 section 6.8): 2, or one more.
+            return range(overflow + 2, overflow + 4)
         latest = LATENCY if self.interrupt.gaps else LATENCY + 2 + self.masked
         return range(max(overflow + 2, end), max(overflow, end) + latest + 1)
 
