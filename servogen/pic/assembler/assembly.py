@@ -79,19 +79,18 @@ def link(
     exports: dict[str, int] = {}
     words = PlacedWords()
     for module in modules:
-        module.run(exports, words)
+        module.first_pass(exports, words)
     if any(module.sections for module in modules):
+        # Now it is known that a source has sections: an ORG before the first one is one, too.
         for module in modules:
-            module.measure(words)
+            module.first_pass(exports, words)
+            module.sections.measured()
         _refuse(modules)
         place([module.sections for module in modules], memory)
-        exports.clear()
         for module in modules:
-            module.symbols = Symbols()
-            module.run(exports, words)
+            module.first_pass(exports, words)
     for module in modules:
-        module.symbols.second_pass()
-        module.run(exports, words)
+        module.second_pass(exports, words)
     _report_twins(modules)
     _refuse(modules)
     return _assembly(modules, words)
@@ -109,7 +108,17 @@ class _Module:
         self._spent = False
         self.state: Pass
 
-    def run(self, exports: dict[str, int], words: PlacedWords) -> None:
+    def first_pass(self, exports: dict[str, int], words: PlacedWords) -> None:
+        """Find the addresses of the names, and how far the sections go."""
+        self.symbols = Symbols()
+        self._run(exports, words)
+
+    def second_pass(self, exports: dict[str, int], words: PlacedWords) -> None:
+        """Place the words."""
+        self.symbols.second_pass()
+        self._run(exports, words)
+
+    def _run(self, exports: dict[str, int], words: PlacedWords) -> None:
         """Take a pass. One that ran out of its budget has the last word."""
         if self._spent:
             return
@@ -139,12 +148,6 @@ class _Module:
             last = Location(self.source.file, len(self.lines))
             state.log.add(Diagnostic("warning", "asm-no-end", "the source has no END", last))
 
-    def measure(self, words: PlacedWords) -> None:
-        """Take a pass that knows that the source has sections: an ORG before the first one is one, too."""
-        self.symbols = Symbols()
-        self.run({}, words)
-        self.sections.measured()
-
     def _export(self, exports: dict[str, int]) -> None:
         for name, line in self.state.globals.items():
             symbol = self.symbols.find(name)
@@ -152,8 +155,6 @@ class _Module:
                 self.state.report(
                     "error", "asm-undefined-symbol", f"'{name}' is global, but not defined", line
                 )
-            elif self.state.first and name in exports:
-                self.state.report("error", "asm-duplicate-symbol", f"'{name}' is global in two sources", line)
             else:
                 exports[name] = symbol.value
 
@@ -179,12 +180,16 @@ def _refuse(modules: Sequence[_Module]) -> None:
     """Raise InputError if the last pass of a source found errors."""
     errors = [error for module in modules for error in module.state.log.errors]
     if errors:
-        texts = {file: text for module in modules for file, text in module.texts.items()}
-        raise InputError.of(errors, _lines_of(errors, texts))
+        raise InputError.of(errors, _lines_of(errors, _texts(modules)))
+
+
+def _texts(modules: Sequence[_Module]) -> dict[str, str]:
+    """Return the text of each file that was read."""
+    return {file: text for module in modules for file, text in module.texts.items()}
 
 
 def _assembly(modules: Sequence[_Module], words: PlacedWords) -> Assembly:
-    texts = {file: text for module in modules for file, text in module.texts.items()}
+    texts = _texts(modules)
     remarks = tuple(remark for module in modules for remark in module.state.log.remarks)
     addresses = [pair for module in modules for pair in module.symbols.addresses().items()]
     labels = sorted(addresses, key=lambda pair: (pair[1], pair[0]))
