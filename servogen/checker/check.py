@@ -43,7 +43,6 @@ ALWAYS[[layout.W, *range(layout.RAM, layout.RAM_END), FRAME_NUMBER, PLACE]] = Fa
 """The chip's slots; and what every run depends on."""
 SAYS_NOTHING = [layout.CYCLE, layout.ASKED, layout.ASKED_BITS, ORIGIN]
 """What has no part in where a run leads to."""
-FLAGS = layout.FLAGS_OF_INTCON | layout.WRITE_OVER
 MAX_PERIODS, MAX_CYCLES, MAX_ROWS, ROWS = 500, 3_000_000_000, 20_000, 1000
 """Of a way between two cuts; cycles that are run; ways that wait for it; states that are taken together."""
 MAX_RUNS = 500_000
@@ -324,7 +323,7 @@ class Checker:
         for way in _bits(int(rows[0, layout.ASKED_BITS])) if len(rows) else []:
             its = rows.copy()
             its[:, layout.WAY] = way
-            if why == layout.SLEEPS and not way & FLAGS << layout.IS_NOP:
+            if why == layout.SLEEPS and not way & layout.EVERY_FLAG << layout.IS_NOP:
                 self._rest(its)
             if way != layout.ENDLESS:
                 ways.append(its)

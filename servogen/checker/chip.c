@@ -119,7 +119,7 @@ i64 operate(i64 (*memo)[2], i64 op, i64 a, i64 x)
 static i64 ratio(const i64 *s) { return s[OPTION] & PSA ? 1 : 2 << (s[OPTION] & PS); }
 
 /* Returns the enabled flags; GIE is another matter (section 6.8). */
-static i64 enabled(const i64 *s) { return s[INTCON] >> 3 & (FLAGS_OF_INTCON | WRITE_OVER); }
+static i64 enabled(const i64 *s) { return s[INTCON] >> 3 & EVERY_FLAG; }
 
 /* Returns the enabled flags that are set; they end SLEEP, and interrupt if GIE is set. */
 static i64 certain(const i64 *s)
@@ -244,13 +244,14 @@ static i64 sleep(i64 *s, const Board *board)
 {
     i64 set = certain(s), wakers = INTF | RBIF | (s[EECON1] & WR ? WRITE_OVER : 0);
     i64 ways = doubtful(s) << IS_NOP | (enabled(s) & wakers) | (board->watchdog ? NOTHING : 0) | ENDLESS;
-    i64 way = choose(s, set ? (set & -set) << IS_NOP : ways), flag = way & (FLAGS_OF_INTCON | WRITE_OVER);
+    i64 way = choose(s, set ? (set & -set) << IS_NOP : ways), flag = way & EVERY_FLAG;
     if (!way)
         return SLEEPS;
     if (way != NOTHING)
         happen(s, flag ? flag : way >> IS_NOP);
     bool slept = flag || way == NOTHING;
-    if (slept && s[EECON1] & WR) /* the write went on, at least while the oscillator started (1024 periods, section 6.6) */
+    /* A write went on, at least while the oscillator started (1024 periods, section 6.6). */
+    if (slept && s[EECON1] & WR)
         s[WRITE_LEFT] = max(s[WRITE_LEFT] - 256, 1);
     if (!slept)
         sample(s); /* no other flag comes before this one */
@@ -361,14 +362,15 @@ i64 write_slot(i64 *s, i64 *eeprom, const Board *board, i64 slot, i64 r)
     case INTCON: /* INTF and RBIF may be set again at once by the pins (section 6.8) */
         s[INTCON] = (r & 0xFF) | (m | ((INTF | RBIF) & ~r)) << 8;
         break;
-    case OPTION: /* when TMR0 begins to count by another clock is not specified (section 5) */
-        m = s[OPTION] ^ r;
+    case OPTION: { /* when TMR0 begins to count by another clock is not specified (section 5) */
+        i64 changed = s[OPTION] ^ r;
         s[OPTION] = r;
-        if (m & (T0CS | PSA | PS))
+        if (changed & (T0CS | PSA | PS))
             set_timer(s, UNKNOWN, 0);
-        if (m & (PSA | PS))
+        if (changed & (PSA | PS))
             s[RESCALED] = board->watchdog && r & PSA;
         break;
+    }
     case EECON1:
         return write_eecon1(s, eeprom, board, r);
     case EECON2: /* the keys, MOVLW between them (section 3.2) */

@@ -39,13 +39,13 @@ UNKNOWN = 0xFF00
 BEFORE, RUNS, OVER = range(3)
 """`STAGE`: before the first pulse; frames follow one another; no pulse will follow."""
 IS_NOP, NOTHING, ENDLESS = 4, 0x100, 0x200
-"""`WAY`: a flag is set; SLEEP is a NOP (the flag, moved by as many places), or an interrupt one cycle later;
-nothing happens, but for the watchdog in SLEEP; SLEEP does not end.
+"""`WAY`: a flag, which is set now; shifted left by `IS_NOP`, one with which SLEEP is a NOP, or which
+interrupts a cycle later; or no flag: nothing happens, but that the watchdog ends SLEEP; SLEEP does not end.
 """
 
 C, DC, Z, RP0, TO, TO_PD = 1, 2, 4, 0x20, 0x10, 0x18
 GIE, EEIE, T0IE, INTE, RBIE = 0x80, 0x40, 0x20, 0x10, 0x08
-T0IF, INTF, RBIF, FLAGS_OF_INTCON, WRITE_OVER = 4, 2, 1, 7, 8
+T0IF, INTF, RBIF, FLAGS_OF_INTCON, WRITE_OVER, EVERY_FLAG = 4, 2, 1, 7, 8, 15
 """Flags: each is three places below its enable bit in INTCON; EEIF, which is in EECON1, counts as 8."""
 T0CS, PSA, PS = 0x20, 0x08, 0x07
 RD, WR, WREN, WRERR, EEIF = 1, 2, 4, 8, 0x10
