@@ -199,8 +199,8 @@ def ways_of(program: PreparedProgram, state: ChipState, use: Use, chosen: Choice
     if use.kind == layout.USE_INTERRUPT and use.subject & layout.T0IF and state["TMR0_UNKNOWN"]:
         if not program.tells_timers:
             return None  # when TMR0 overflows is unknown, and so is the time of its interrupt
-        unknown = _unknown_mask(state, "TMR0")
-        return [(*chosen, AssumedBits("TIMER", unknown, value)) for value in _values(unknown)]
+        mask = _unknown_mask(state, "TMR0")
+        return [(*chosen, AssumedBits("TIMER", mask, value)) for value in range(256) if not value & ~mask]
     if use.kind == layout.USE_INTERRUPT:
         flags = [1 << bit for bit in range(3) if use.subject >> bit & 1]
         # A pin may set its flag before the instruction, or in the second cycle of one that takes two.
@@ -225,16 +225,6 @@ def ways_of(program: PreparedProgram, state: ChipState, use: Use, chosen: Choice
         bit = mask & -mask
         return [(*chosen, AssumedBits(field, bit, value)) for value in (0, bit)]
     return None
-
-
-def _values(mask: int) -> Iterator[int]:
-    """Yield every value of the bits in a mask, from 0 on."""
-    value = 0
-    while True:
-        yield value
-        value = value - mask & mask  # counts through the mask's bits, past those between
-        if not value:
-            return
 
 
 def _bit_of(decoded: Decoded, field: str) -> int:
