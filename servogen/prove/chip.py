@@ -121,6 +121,11 @@ class AssumedBits:
     value: int
     steer: bool = False
 
+    @property
+    def register(self) -> str:
+        """Return the name in `UNCERTAIN` of the register whose bits these are, if there is one."""
+        return "TMR0" if self.field == "TIMER" else self.field
+
 
 @dataclass(frozen=True, slots=True)
 class Use:
@@ -537,7 +542,7 @@ class AbstractChip:
             value = int(s[slot]) & 0xFF & ~choice.bits | choice.value & choice.bits
             s[slot] = value | mask_kept << at.UNKNOWN_SHIFT | int(s[slot]) & at.NOT_WRITTEN
         else:
-            row = UNCERTAIN["TMR0" if choice.field == "TIMER" else choice.field]
+            row = UNCERTAIN[choice.register]
             value_slot, mask_slot = row.number, _SLOTS[row.unknown_name]
             before = int(s[mask_slot]) << 16 | int(s[value_slot]) & 0x1FFF
             s[value_slot] = int(s[value_slot]) & ~choice.bits | choice.value & choice.bits

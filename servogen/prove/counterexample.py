@@ -186,7 +186,7 @@ class _Path:
 
     def note_start(self, choice: AssumedBits) -> None:
         """Note bits that were chosen; the first choice of a bit may be of its value at power-up."""
-        row = _START_OF.get("TMR0" if choice.field == "TIMER" else choice.field)
+        row = _START_OF.get(choice.register)
         name, shift = (row.start, row.shift) if row else (choice.field, 0)  # a byte of RAM has one name
         if name not in START_VALUES:
             return
