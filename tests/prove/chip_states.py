@@ -15,8 +15,13 @@ def rest(**fields: int) -> tuple[int, ...]:
     return tuple(values)
 
 
+def fields(state: tuple[int, ...], *names: str) -> list[int]:
+    """The values of a state's fields."""
+    return [state[FIELD[name]] for name in names]
+
+
 def ram(**cells: int) -> tuple[int, ...]:
-    """A state's RAM, `r3=7` for its fourth byte; the others are 0."""
+    """A state's RAM, `c3=7` for its fourth byte; the others are 0."""
     values = [0] * (RAM_LAST - RAM_FIRST + 1)
     for name, value in cells.items():
         values[int(name[1:])] = value

@@ -10,15 +10,10 @@ import pytest
 
 from servogen.edges import PINS
 from servogen.prove import tables
-from servogen.prove.chip import FIELD
 from servogen.prove.tables import ByteTable, UndecidedTrims, Ways, WaysMemory, along, joined, spread, table_of
-from tests.prove.chip_states import ram, rest
+from tests.prove.chip_states import fields, ram, rest
 
 RB0 = PINS.index("RB0")
-
-
-def fields(state: tuple[int, ...], *names: str) -> list[int]:
-    return [state[FIELD[name]] for name in names]
 
 
 def test_two_states_beside_the_ram_become_one_that_contains_both() -> None:
