@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Set
 from dataclasses import replace
 from typing import Any
 
@@ -37,20 +38,23 @@ SILENT = PulseSchedule(
 
 
 def explored(
-    table: dict[tuple[int, Any], RunOutcome],
-    cuts: set[int],
+    run: Callable[[ChipState, Any], RunOutcome],
     *,
-    stops: frozenset[int] = frozenset(),
+    stops: Set[int] = frozenset(),
     program: PreparedProgram = PreparedProgram(Image({})),  # noqa: B008 - frozen
+    schedule: PulseSchedule = SILENT,
+    start: tuple[int, ...] = rest(PC=0),
+    most: int = 100,
+    tell: Callable[[int, int], None] = lambda *_: None,
+    watchdog: bool = False,
 ) -> SearchResult:
-    transitions, _ = transitions_of(Ways(table))
-    transitions.stop_at(cuts | stops)
-    generaliser = Generaliser(transitions, {pc: Guess(registers=set()) for pc in cuts})
-    spec = Specification(SILENT, None)
-    search = Explorer(
-        program, transitions, spec, generaliser, 4, 100, lambda *_: None, [ChipState(ram(), rest(PC=0))]
-    )  # fmt: skip
-    return search.search()
+    """Search through the runs of a chip; the only cut is at address 9, where nothing is general."""
+    transitions, chip = transitions_of(run)
+    chip.watchdog = watchdog
+    transitions.stop_at({9} | stops)
+    generaliser = Generaliser(transitions, {9: Guess(registers=set())})
+    spec, starts = Specification(schedule, None), [ChipState(ram(), start)]
+    return Explorer(program, transitions, spec, generaliser, 1, most, tell, starts).search()
 
 
 FIRST = outcome(100, after=rest(PC=9), edges=((50, RB0, 1),))
@@ -58,7 +62,7 @@ FRAME = outcome(PERIOD, after=rest(PC=9), edges=((950, RB0, 0), (PERIOD - 50, RB
 
 
 def test_a_search_closes_when_no_new_state_comes() -> None:
-    found = explored({(0, ()): FIRST, (9, ()): FRAME}, {9})
+    found = explored(Ways({(0, ()): FIRST, (9, ()): FRAME}))
     assert found.answer is SearchAnswer.CLOSED and found.finding is None and found.open_nodes == 0
     assert [(node.parent, node.cycles) for node in found.nodes] == [(-1, 0), (0, 100)]
     assert found.nodes[1].spec == SpecState(IN_FRAME, 50, 0)
@@ -67,14 +71,14 @@ def test_a_search_closes_when_no_new_state_comes() -> None:
 
 def test_a_wrong_edge_is_found_with_its_cycle_since_the_cut() -> None:
     late = replace(FRAME, edges=((950, RB0, 0), (PERIOD - 49, RB0, 1)))
-    found = explored({(0, ()): FIRST, (9, ()): late}, {9})
+    found = explored(Ways({(0, ()): FIRST, (9, ()): late}))
     assert found.answer is SearchAnswer.VIOLATED and found.finding is not None
     assert found.finding == SearchFinding(1, (), PERIOD - 50, "the rise of RB0 comes 1 cycle late", True, 9)
 
 
 def test_chips_that_differ_by_themselves_are_found() -> None:
     warned = replace(FRAME, reason=Reason.WARNING, warnings=("one", "two"), rest=rest(PC=0x2A))
-    found = explored({(0, ()): FIRST, (9, ()): warned}, {9})
+    found = explored(Ways({(0, ()): FIRST, (9, ()): warned}))
     assert found.answer is SearchAnswer.VIOLATED
     assert found.finding == SearchFinding(1, (), PERIOD, "one; two", True, 0x2A)
 
@@ -88,15 +92,7 @@ def test_an_unknown_bit_is_followed_both_ways() -> None:
         choice = (AssumedBits("W", 1, value),)
         table[0, choice] = replace(FIRST, cycles=100 + value)
     table[9, ()] = FRAME
-    transitions, _ = transitions_of(Ways(table))
-    transitions.stop_at({9})
-    start = ChipState(ram(), rest(PC=0, W_UNKNOWN=1))
-    search = Explorer(
-        program, transitions, Specification(SILENT, None),
-        Generaliser(transitions, {9: Guess(registers=set())}), 1, 100, lambda *_: None, [start],
-    )  # fmt: skip
-    table[9, ()] = replace(FRAME, edges=((950, RB0, 0), (PERIOD - 50, RB0, 1)))
-    found = search.search()
+    found = explored(Ways(table), program=program, start=rest(PC=0, W_UNKNOWN=1))
     # The chip that comes a cycle later has its fall in another cycle since the cut.
     assert found.answer is SearchAnswer.VIOLATED and found.finding is not None
     assert found.finding.message == "the fall of RB0 comes 1 cycle late" or (
@@ -109,7 +105,7 @@ def test_an_unknown_bit_is_followed_both_ways() -> None:
 
 def test_what_decides_and_is_not_known_is_not_decided() -> None:
     use = outcome(7, Reason.USE, after=rest(PC=5), use=Use(layout.USE_JUMP, 0, 5))
-    found = explored({(0, ()): use}, {9})
+    found = explored(Ways({(0, ()): use}))
     assert found.answer is SearchAnswer.UNDECIDED
     assert found.finding == SearchFinding(0, (), 7, "what decides is not known", False, 5, use.use)
 
@@ -117,7 +113,7 @@ def test_what_decides_and_is_not_known_is_not_decided() -> None:
 def test_a_first_pulse_has_fifty_frames() -> None:
     for cycles, answer in ((50 * PERIOD - 1, SearchAnswer.CLOSED), (50 * PERIOD, SearchAnswer.VIOLATED)):
         wait = outcome(cycles, after=rest(PC=9))
-        found = explored({(0, ()): wait, (9, ()): replace(wait, cycles=5)}, {9})
+        found = explored(Ways({(0, ()): wait, (9, ()): replace(wait, cycles=5)}))
         assert found.answer is answer, cycles
         if answer is SearchAnswer.VIOLATED:
             assert found.finding == SearchFinding(0, (), cycles, "no pulse comes", True, 9)
@@ -127,7 +123,7 @@ def test_a_first_pulse_has_fifty_frames() -> None:
 
 
 def test_a_loop_without_a_cut_asks_for_one() -> None:
-    found = explored({(0, ()): outcome(777, Reason.LIMIT, after=rest(PC=0x42))}, {9})
+    found = explored(Ways({(0, ()): outcome(777, Reason.LIMIT, after=rest(PC=0x42))}))
     assert (found.answer, found.cut) == (SearchAnswer.CUT, 0x42)
 
 
@@ -138,16 +134,8 @@ def test_more_states_than_allowed_are_not_decided() -> None:
         return replace(FRAME, read=(1,), written=((1, state.ram[1] + 1),))
 
     for most in (3, 1200):
-        transitions, _ = transitions_of(run)
-        transitions.stop_at({9})
         told: list[tuple[int, int]] = []
-        search = Explorer(
-            PreparedProgram(Image({})), transitions, Specification(SILENT, None),
-            Generaliser(transitions, {9: Guess(registers=set())}), 1, most,
-            lambda *numbers: told.append(numbers),  # noqa: B023 - called in this turn only
-            [ChipState(ram(), rest(PC=0))],
-        )  # fmt: skip
-        found = search.search()
+        found = explored(run, most=most, tell=lambda *numbers: told.append(numbers))  # noqa: B023 - now only
         assert found.answer is SearchAnswer.UNDECIDED and found.finding is not None
         assert found.finding.message == f"more than {most} states" and len(found.nodes) == most + 1
         assert told == [(n, n + 1) for n in range(500, most, 500)]
@@ -155,11 +143,11 @@ def test_more_states_than_allowed_are_not_decided() -> None:
 
 def test_a_chip_that_sleeps_while_pulses_are_due_is_wrong() -> None:
     asleep = replace(FRAME, rest=rest(PC=9, SLEEPING=1))
-    found = explored({(0, ()): FIRST, (9, ()): asleep}, {9})
+    found = explored(Ways({(0, ()): FIRST, (9, ()): asleep}))
     assert found.answer is SearchAnswer.VIOLATED and found.asynchronous
     assert found.finding == SearchFinding(1, (), PERIOD, "SLEEP while pulses are due", True, 9, silent=True)
     before = outcome(5, after=rest(PC=9, SLEEPING=1))
-    found = explored({(0, ()): before}, {9})
+    found = explored(Ways({(0, ()): before}))
     assert found.finding is not None
     assert found.finding.message == "no pulse comes: SLEEP, and nothing has to end it"
 
@@ -167,9 +155,9 @@ def test_a_chip_that_sleeps_while_pulses_are_due_is_wrong() -> None:
 def test_what_is_written_to_the_eeprom_and_read_is_not_decided() -> None:
     program = PreparedProgram(Image({0: encode("BSF", f=8, b=1), 1: encode("BSF", f=8, b=0)}))
     written = replace(FIRST, rest=rest(PC=9, EE_DONE_AT=5))
-    found = explored({(0, ()): written, (9, ()): FRAME}, {9}, program=program)
+    found = explored(Ways({(0, ()): written, (9, ()): FRAME}), program=program)
     assert found.answer is SearchAnswer.CLOSED and found.asynchronous
-    found = explored({(0, ()): written}, {9})
+    found = explored(Ways({(0, ()): written}))
     assert found.answer is SearchAnswer.UNDECIDED and found.finding is not None
     assert found.finding.message == (
         "what the program writes to the EEPROM, it reads, or it writes through INDF"
@@ -187,14 +175,14 @@ def test_too_many_ways_are_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     }
     for points, answer in ((4, SearchAnswer.CLOSED), (3, SearchAnswer.UNDECIDED)):
         monkeypatch.setattr(explore, "MAX_POINTS", points)
-        found = explored(table, {9}, stops=frozenset({1, 2, 3}))
+        found = explored(Ways(table), stops={1, 2, 3})
         assert found.answer is answer
     assert found.finding is not None and found.finding.message == "too many ways between two frames"
     monkeypatch.setattr(explore, "MAX_POINTS", 4)
     # Of a hundred states five points are a twentieth each.
     for work, answer in ((0.05, SearchAnswer.CLOSED), (0.04, SearchAnswer.UNDECIDED)):
         monkeypatch.setattr(explore, "WORK_PER_STATE", work)
-        assert explored(table, {9}, stops=frozenset({1, 2, 3})).answer is answer
+        assert explored(Ways(table), stops={1, 2, 3}).answer is answer
 
 
 def woken(intcon: int, unknown: int = 0, *, watchdog: bool = False, **more: int) -> list[Any]:
@@ -209,15 +197,8 @@ def woken(intcon: int, unknown: int = 0, *, watchdog: bool = False, **more: int)
         return outcome(3, after=rest(PC=9))
 
     once = replace(SILENT, lead_in=(Run(1, (Pulse(Cycles(0), Cycles(999)),)),), loop=(Run(1, (None,)),))
-    transitions, chip = transitions_of(run)
-    chip.watchdog = watchdog
-    transitions.stop_at({9})
-    search = Explorer(
-        PreparedProgram(Image({0: encode("BSF", f=8, b=1)})), transitions, Specification(once, None),
-        Generaliser(transitions, {9: Guess(registers=set())}), 1, 100, lambda *_: None,
-        [ChipState(ram(), rest(PC=0))],
-    )  # fmt: skip
-    found = search.search()
+    program = PreparedProgram(Image({0: encode("BSF", f=8, b=1)}))
+    found = explored(run, program=program, schedule=once, watchdog=watchdog)
     assert found.asynchronous and found.answer is SearchAnswer.CLOSED, found.finding
     return [choices for choices in asked if choices]
 
