@@ -18,12 +18,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise, zip_longest
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from servogen.contract import parse_contract
 from servogen.edges import PINS
 from servogen.pic.image import Image
 from servogen.programs import read_program
-from servogen.prove.contract import prove_contract
+from servogen.prove.contract import MAX_STATES, ContractProof, prove_contract
 from servogen.simulator import Levels, SimulatorOptions, Stimuli
 from servogen.simulator.pin_levels import pin_trace
 from servogen.units import Clock, Cycles
@@ -92,20 +93,26 @@ class Subject:
     hold: int = 100
     cycles: int = 40_000
 
+    def proof(self, program: Image, max_states: int = MAX_STATES) -> ContractProof:
+        """Return the prover's answer for the program, or a mutant of it."""
+        clauses = parse_contract(self.contract, f"{self.name}.toml").clauses(CLOCK)
+        return prove_contract(program, clauses, CLOCK, max_states=max_states)
 
-def compiled(text: str, folder: Path) -> Image:
-    path = folder / "program.c"
-    path.write_text(text)
-    return read_program(path).image
+
+def compiled(name: str) -> Image:
+    """Return a program of the page about tests."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / name
+        path.write_text(PROGRAMS[name])
+        return read_program(path).image
 
 
-def subjects(folder: Path) -> list[Subject]:
+def subjects() -> list[Subject]:
     pulse = '[[pulse]]\npin = "{}"\nhigh_us = [{}, {}]\nperiod_us = [{}, {}]\n'.format
     coils = '[[never]]\ncondition = "RB0 high and RB2 high"\n[[never]]\ncondition = "RB1 high and RB3 high"\n'
     lamp = pulse("RB3", 480, 1530, 1880, 2060)
     bridge = image(BRIDGE.format(first=2, second=4, between=""))
     digits = '[[never]]\ncondition = "RA0 high and RA1 high"\n'
-    held, slow = {"inputs": ("RB7",), "hold": 9000}, {"cycles": 200_000}
     return [
         Subject("answer", image(ANSWER.format(delay="")), answer(2, 6), answered, ("RB0",), 3000),
         Subject("bridge", bridge, NEVER, never(("RB1", "RB2")), ("RA0",)),
@@ -113,15 +120,15 @@ def subjects(folder: Path) -> list[Subject]:
                 pulses("RB3", (32, 32), (336, 336))),
         Subject("tick", image(TICK.format(reload=9)), pulse("RB0", 249, 251, 498, 502),
                 pulses("RB0", (249, 251), (498, 502)), cycles=20_000),
-        Subject("stepper", compiled(PROGRAMS["stepper.c"], folder), coils,
-                never(("RB0", "RB2"), ("RB1", "RB3")), **held, **slow),  # type: ignore[arg-type]
-        Subject("pwm", compiled(PROGRAMS["pwm.c"], folder), pulse("RB3", 495, 505, 1980, 2020),
+        Subject("stepper", compiled("stepper.c"), coils,
+                never(("RB0", "RB2"), ("RB1", "RB3")), ("RB7",), 9000, 200_000),
+        Subject("pwm", compiled("pwm.c"), pulse("RB3", 495, 505, 1980, 2020),
                 pulses("RB3", (495, 505), (1980, 2020))),
-        Subject("segments", compiled(PROGRAMS["seven_segments.c"], folder), digits, never(("RA0", "RA1")),
+        Subject("segments", compiled("seven_segments.c"), digits, never(("RA0", "RA1")),
                 cycles=60_000),
-        Subject("interrupt", compiled(PROGRAMS["interrupt.c"], folder), pulse("RB0", 245, 255, 490, 510),
+        Subject("interrupt", compiled("interrupt.c"), pulse("RB0", 245, 255, 490, 510),
                 pulses("RB0", (245, 255), (490, 510)), cycles=20_000),
-        Subject("dimmer", compiled((CI / "dimmer.c").read_text(), folder), lamp,
+        Subject("dimmer", read_program(CI / "dimmer.c").image, lamp,
                 pulses("RB3", (480, 1530), (1880, 2060)), ("RB0",), 5000, 200_000),
         Subject("two lamps", image(LAMPS), '[[never]]\ncondition = "RB1 high and RB3 high"\n',
                 never(("RB1", "RB3")), ("RA1", "RA2")),
@@ -152,15 +159,14 @@ def waves(subject: Subject, program: Image, rng: random.Random | None) -> Waves:
     if rng is not None:
         seed = rng.choice((None, rng.randrange(1 << 20)))
         options = replace(options, start_seed=seed, tmr0_phase=rng.randrange(4))
-    for pin in subject.inputs if rng is not None else ():
-        assert rng is not None
-        cycle, level, changes = 0, rng.randrange(2), []
-        while cycle < subject.cycles:
-            changes.append((Cycles(cycle), level))
-            cycle += subject.hold + rng.randrange(subject.hold * rng.choice((1, 3, 9)))
-            level ^= 1
-        sources.append(Levels(PINS.index(pin), changes))
-        inputs[pin] = [(int(at), to) for at, to in changes]
+        for pin in subject.inputs:
+            cycle, level, changes = 0, rng.randrange(2), []
+            while cycle < subject.cycles:
+                changes.append((Cycles(cycle), level))
+                cycle += subject.hold + rng.randrange(subject.hold * rng.choice((1, 3, 9)))
+                level ^= 1
+            sources.append(Levels(PINS.index(pin), changes))
+            inputs[pin] = [(int(at), to) for at, to in changes]
     trace = pin_trace(program, CLOCK, Cycles(subject.cycles), options, Stimuli(sources) if sources else None)
     found: Waves = {pin: [] for pin in PINS} | inputs | {"end": [(subject.cycles, 0)]}
     for chunk in trace.chunks:
@@ -186,13 +192,11 @@ def main() -> int:
     parser.add_argument("--mutants", type=int, default=100, help="hidden faults to give to the prover")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--max-states", type=int, default=4000)
-    parser.add_argument("--folder", type=Path, default=Path("/tmp"))
     given = parser.parse_args()
     rng, found, began = random.Random(given.seed), Counter[str](), time.monotonic()
-    every = subjects(given.folder)
+    every = subjects()
     for subject in every:
-        clauses = parse_contract(subject.contract, f"{subject.name}.toml").clauses(CLOCK)
-        proof = prove_contract(subject.image, clauses, CLOCK)
+        proof = subject.proof(subject.image)
         assert proof.proven, (subject.name, proof.reason)
         assert subject.kept(waves(subject, subject.image, None)), subject.name
         assert all(subject.kept(waves(subject, subject.image, rng)) for _ in range(4)), subject.name
@@ -206,10 +210,8 @@ def main() -> int:
         if all(subject.kept(waves(subject, changed, rng)) for _ in range(4)):
             continue
         hidden += 1
-        clauses = parse_contract(subject.contract, f"{subject.name}.toml").clauses(CLOCK)
-        proof = prove_contract(changed, clauses, CLOCK, max_states=given.max_states)
-        answer_ = "proven" if proof.proven else "counterexample" if proof.counterexample else "not decided"
-        found[answer_] += 1
+        proof = subject.proof(changed, given.max_states)
+        found["proven" if proof.proven else "counterexample" if proof.counterexample else "not decided"] += 1
         found[f"{subject.name}: hidden"] += 1
         if proof.proven:
             print(f"PROVEN {subject.name} {address:#x} = {changed.program[address]:#06x}", flush=True)
