@@ -20,9 +20,7 @@ from tests.checker.lockstep import NO_EDGES
 MOVES = 1 << 16
 GIE, EEIE, T0IE, INTE, RBIE, T0IF, INTF, RBIF = (0x80 >> bit for bit in range(8))
 """INTCON from bit 7 down: DS35007 register 2-3."""
-NOTHING = layout.ChipSurroundings(
-    limit=1 << 60, period=1 << 60, channels=0, buttons=0, held=0, levels=0, watchdog=0
-)
+NOTHING = lockstep.board(1 << 60)
 AT = 100
 """The cycle of the instructions here."""
 
