@@ -266,6 +266,21 @@ def test_a_run_ends_before_the_instruction_that_depends_on_an_unknown_bit(source
     assert (again.edges, again.read, again.written, again.rest) == ((), (), (), state.rest)
 
 
+def test_what_a_run_did_after_an_unknown_bit_decided_is_not_taken_for_every_chip() -> None:
+    """W is 0x7D, 0x7F, 0xFD or 0xFF, and counts down to 0, in 500 cycles or more; a run goes on with one.
+
+    The same loop again, from states that a run's memory does not know: what decided still does.
+    """
+    chip = chip_of(" iorlw 0x7d\nloop addlw 0xff\n btfss STATUS, Z\n goto loop\nhere goto here\n")
+    first = chip.power_on()
+    for start in (0x18, 0x1C, 0x18):
+        rest = list(first.rest)
+        rest[FIELD["STATUS"]], rest[FIELD["STATUS_UNKNOWN"]] = start, 0
+        state = ChipState(first.ram, tuple(rest))
+        outcome = chip.run(state, frozenset({4}), 3000)
+        assert (outcome.reason, outcome.use) == (Reason.USE, Use(at.USE_SKIP, 0, 2))
+
+
 @pytest.mark.parametrize(
     ("source", "field", "bit"),
     [("btfsc 0x30, 5", "0x30", 5), ("btfsc PORTA, 3", "PINS", 3), ("btfsc PORTB, 3", "PINS", 8),

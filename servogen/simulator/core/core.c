@@ -139,12 +139,14 @@ INLINED enum step enter_region(Chip *s, Cpu *p, Work *on, i64 word, bool tracked
     return EXECUTE;
 }
 
-/* Ends the recording of the innermost region, which is left. */
+/* Ends the recording of the innermost region, which is left. Once an unknown bit has decided, the run goes on
+   with the value that only some chips have, and notes no other such bit: nothing of it is true of all chips. */
 INLINED void leave_region(Chip *s, const Cpu *p, Work *on)
 {
     const Record *left = on->recording + --on->depth;
     i64 processor = pack_processor(p->pc, p->w, p->status, p->wu, p->su);
-    remember(s, on->memo, left, on->regions, p->cycle, processor);
+    if (!s->use_kind)
+        remember(s, on->memo, left, on->regions, p->cycle, processor);
     on->base = on->depth ? (left[-1].region + 1) * ROW : 0;
 }
 
