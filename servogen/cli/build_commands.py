@@ -17,7 +17,7 @@ from servogen.cli.options import (
     JobFile,
     Json,
 )
-from servogen.cli.show import as_json, status, table, warn_of_all
+from servogen.cli.show import as_json, print_lines, status, table, warn_of_all
 from servogen.cli.widths import width_table
 from servogen.engines.firmware import ResourceError
 from servogen.errors import Diagnostic, InputError
@@ -35,7 +35,7 @@ from servogen.workflows.certificates import (
 )
 from servogen.workflows.job_build import Build, hex_name, program_facts, write
 from servogen.workflows.job_build import build as built
-from servogen.workflows.pair import build_pair, pair_report, write_pair
+from servogen.workflows.pair import build_pair, write_pair
 
 SHOWN_FIRST = "hexapod-tripod"
 """The job that is proposed after a demo: the one that moves most."""
@@ -94,7 +94,7 @@ def _build_pair(job: PlannedJob, folder: Path, prove: bool, json: bool) -> int:
     if json:
         as_json({"folder": str(folder), **result.to_json()}, job.warnings)
     else:
-        print(pair_report(result), end="")
+        print_lines(result.lines(folder))
         print(f"next: servogen verify {folder}")
     warn_of_all(job.warnings)
     return 0 if result.exact else 1

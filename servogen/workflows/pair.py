@@ -34,6 +34,7 @@ from servogen.workflows.job_build import Build, build_alone, write
 from servogen.workflows.verification import START_FRAMES, checked_cycles, judge_edges
 
 FOLDERS = ("chip1", "chip2")
+ONE_RUN = "This is one run of each pair. What holds for every power-up and wire is not decided."
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +50,8 @@ class PairVerdict:
     def exact(self) -> bool:
         return self.apart == 0 and all(verdict.passed for verdict in self.chips)
 
-    def lines(self) -> list[str]:
-        """Return the verdict as text."""
+    def summary(self) -> str:
+        """Return the verdict on both in a line."""
         apart = (
             "chip2 and chip1 do not both begin"
             if self.apart is None
@@ -58,12 +59,16 @@ class PairVerdict:
             if self.apart
             else "chip2 keeps the wire's frame: 0 cycles apart"
         )
+        return f"both chips: {'exact' if self.exact else 'NOT exact'} in one run; {apart}"
+
+    def lines(self) -> list[str]:
+        """Return the verdict as text, that on both first."""
         parts = [
             f"{name}: {line}"
             for name, verdict in zip(FOLDERS, self.chips, strict=True)
             for line in verdict_lines(verdict)
         ]
-        return [*parts, apart, f"both chips: {'exact' if self.exact else 'NOT exact'} in one run"]
+        return [self.summary(), *parts]
 
     def to_json(self) -> dict[str, object]:
         return {
@@ -84,6 +89,19 @@ class PairBuild:
     @property
     def exact(self) -> bool:
         return all(verdict.exact for verdict in self.verdicts.values())
+
+    def lines(self, folder: Path) -> list[str]:
+        """Return what a terminal shows: the verdicts, the words, and where the rest is."""
+        verdicts = [f"{dialect}: {verdict.summary()}" for dialect, verdict in self.verdicts.items()]
+        return [*verdicts, *self.programs(), f"wiring and every servo: {folder / 'report.txt'}", ONE_RUN]
+
+    def programs(self) -> list[str]:
+        """Return the size of each chip's programs, and how far its schedule is from the plan."""
+        rows = []
+        for name, build in zip(FOLDERS, self.chips, strict=True):
+            words = ", ".join(f"{each.firmware.dialect} {each.image.words}" for each in build.programs)
+            rows.append(f"{name}: words: {words}; {plan_text(build.plan.schedule.plan_error)}")
+        return rows
 
     def to_json(self) -> dict[str, object]:
         return {
@@ -238,12 +256,10 @@ def pair_report(result: PairBuild) -> str:
         "chip2 has no pulses in the first frames of chip1 and begins with the next. In a frame in which the",
         "wire does not rise in its cycle it releases its pulses; it begins again when chip1 does.",
     ]
-    for folder, build in zip(FOLDERS, result.chips, strict=True):
+    for folder, build, programs in zip(FOLDERS, result.chips, result.programs(), strict=True):
         pins = ", ".join(f"{servo.pin} {servo.name}" for servo in build.job.servos)
-        words = ", ".join(f"{each.firmware.dialect} {each.image.words}" for each in build.programs)
-        error = plan_text(build.plan.schedule.plan_error)
-        lines += ["", f"{folder}: {pins}", f"  words: {words}; {error}; all of it in {folder}/report.txt"]
+        lines += ["", f"{folder}: {pins}", f"{programs}; all of it in {folder}/report.txt"]
     for dialect, verdict in result.verdicts.items():
         lines += ["", f"{dialect}:", *(f"  {line}" for line in verdict.lines())]
-    lines += ["", "This is one run of each pair. What holds for every power-up and wire is not decided."]
+    lines += ["", ONE_RUN]
     return "\n".join(line.rstrip() for line in lines) + "\n"
