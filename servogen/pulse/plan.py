@@ -55,15 +55,18 @@ def plan(trajectory: JointTrajectory, servos: Sequence[Servo], frame: Frame) -> 
         clock=clock,
         period=trajectory.period,
         channels=tuple(Channel(servo.name, servo.pin, servo.model.name) for servo in servos),
-        lead_in=_runs(table[: trajectory.loop_start], starts),
-        loop=_runs(table[trajectory.loop_start :], starts),
+        lead_in=joined_runs(table[: trajectory.loop_start], starts),
+        loop=joined_runs(table[trajectory.loop_start :], starts),
         plan_error=largest(errors),
     )
     return PulsePlan(schedule, tuple(rows), tuple(warnings))
 
 
-def _runs(cycles: npt.NDArray[np.int64], starts: Sequence[Cycles]) -> tuple[Run, ...]:
-    """Return the frames with equal successive ones joined to runs; `cycles` is (frames, channels)."""
+def joined_runs(cycles: npt.NDArray[np.int64], starts: Sequence[Cycles]) -> tuple[Run, ...]:
+    """Return the frames with equal successive ones joined to runs.
+
+    `cycles` is (frames, channels): the width of each pulse, or `NO_PULSE`; `starts`: their rises in a frame.
+    """
     if not len(cycles):
         return ()
     changes = np.flatnonzero((cycles[1:] != cycles[:-1]).any(axis=1)) + 1

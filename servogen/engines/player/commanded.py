@@ -39,14 +39,13 @@ from servogen.engines.player.playing import (
     leg_channels,
     plan_error_of,
     rows_of,
-    runs_of,
     warnings_of,
 )
 from servogen.engines.player.script import ENTRY, LEGS_TIMINGS, MAX_BYTES, DirectionPlaces, Script, ScriptStep
 from servogen.errors import InputError
 from servogen.motion.gait.commands import CommandedDirection
 from servogen.motion.trajectory import JointTrajectory
-from servogen.pulse.plan import PulsePlan
+from servogen.pulse.plan import PulsePlan, joined_runs
 from servogen.pulse.schedule import Channel, CommandRule, DirectionRuns, PulseSchedule, Run
 from servogen.pulse.slots import Frame
 from servogen.robot.binding import Binding
@@ -100,7 +99,7 @@ def commanded(
     rises = [slots.rise(channel) for channel in range(len(servos))]
 
     def runs(first: int, end: int) -> tuple[Run, ...]:
-        return tuple(runs_of(widths[first:end], np.ones(end - first, dtype=bool), rises))
+        return joined_runs(widths[first:end], rises)
 
     published = []
     begins_at = stance + 1

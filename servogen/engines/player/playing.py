@@ -25,9 +25,9 @@ from servogen.errors import Diagnostic, InputError
 from servogen.motion.trajectory import Floats, JointTrajectory
 from servogen.plan_error import PlanError
 from servogen.pulse.lint import check_calibration, check_motion, check_period
-from servogen.pulse.plan import PulsePlan
-from servogen.pulse.quantise import PARTS, Quantised, channel_error, largest
-from servogen.pulse.schedule import Channel, Pulse, PulseSchedule, Run
+from servogen.pulse.plan import PulsePlan, joined_runs
+from servogen.pulse.quantise import NO_PULSE, PARTS, Quantised, channel_error, largest
+from servogen.pulse.schedule import Channel, PulseSchedule
 from servogen.pulse.slots import Frame
 from servogen.robot.binding import Binding
 from servogen.robot.servo import Servo
@@ -134,13 +134,13 @@ def _played(
     legs = encoded.legs is not None
     slots = layout(servos, used, frame, clock, encoded.scale.doublings, legs=legs, looking=looking)
     rises = [slots.rise(channel) for channel in range(len(servos))]
-    heard, lead = ~encoded.silent, encoded.lead
+    pulses, lead = np.where(encoded.silent[:, None], NO_PULSE, encoded.widths), encoded.lead
     schedule = PulseSchedule(
         clock,
         slots.period,
         tuple(Channel(servo.name, servo.pin, servo.model.name) for servo in servos),
-        tuple(runs_of(encoded.widths[:lead], heard[:lead], rises)),
-        tuple(runs_of(encoded.widths[lead:], heard[lead:], rises)),
+        joined_runs(pulses[:lead], rises),
+        joined_runs(pulses[lead:], rises),
         plan_error=plan_error_of(played, servos, encoded.widths, ideal, clock),
     )
     plan = PulsePlan(
@@ -250,20 +250,6 @@ def plan_error_of(
         widths = [cycle_us * cycles[pulsed, index] for cycles in (ideal, achieved)]
         errors.append(channel_error(servo, trajectory.angles[pulsed, index], *widths))
     return largest(errors)
-
-
-def runs_of(widths: Whole, heard: np.ndarray, rises: Sequence[Cycles]) -> Iterator[Run]:
-    """Yield runs of equal consecutive frames."""
-    if not len(widths):
-        return
-    table = np.where(heard[:, None], widths, 0)
-    changes = (np.flatnonzero((table[1:] != table[:-1]).any(axis=1)) + 1).tolist()
-    for first, end in zip([0, *changes], [*changes, len(table)], strict=True):
-        pulses = tuple(
-            Pulse(rise, Cycles(width)) if width else None
-            for rise, width in zip(rises, table[first].tolist(), strict=True)
-        )
-        yield Run(end - first, pulses)
 
 
 def rows_of(servos: Sequence[Servo], achieved: Whole, ideal: Floats, clock: Clock) -> Iterator[Quantised]:

@@ -39,7 +39,7 @@ from servogen.engines.player.layout import (
     layout,
     to_rise,
 )
-from servogen.engines.player.playing import leg_channels, runs_of
+from servogen.engines.player.playing import leg_channels
 from servogen.engines.player.rendering import _Constants, _pad, _repeats
 from servogen.engines.player.script import ScriptStep, StepTiming, chained, folded, script, timing
 from servogen.engines.player.shares import Share
@@ -49,6 +49,8 @@ from servogen.errors import InputError
 from servogen.job import loads, plan_job
 from servogen.motion.trajectory import JointTrajectory, Part
 from servogen.prove.commands import SerialCodes
+from servogen.pulse.plan import joined_runs
+from servogen.pulse.quantise import NO_PULSE
 from servogen.pulse.schedule import (
     Channel,
     CodeLine,
@@ -555,11 +557,12 @@ def test_equal_frames_are_one_run() -> None:
     widths = np.array([[1000, 1500], [1000, 1500], [1000, 1501], [7, 7], [9, 9], [1000, 1501]])
     heard = np.array([True, True, True, False, False, True])
     rises = [Cycles(0), Cycles(32)]
-    found = list(runs_of(widths, heard, rises))
+    pulses = np.where(heard[:, None], widths, NO_PULSE)
+    found = joined_runs(pulses, rises)
     assert [run.frames for run in found] == [2, 1, 2, 1]
     assert found[0].pulses == (Pulse(Cycles(0), Cycles(1000)), Pulse(Cycles(32), Cycles(1500)))
     assert found[2].pulses == (None, None)
-    assert list(runs_of(widths[:0], heard[:0], rises)) == []
+    assert joined_runs(pulses[:0], rises) == ()
 
 
 def test_a_soft_start_is_the_neutral_pose_and_then_even_steps() -> None:
