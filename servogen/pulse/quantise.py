@@ -1,4 +1,4 @@
-"""Angles -> whole cycles: the only place that rounds pulses and computes how far they are from the plan.
+"""Angles -> whole cycles, the nearest ones, and how far they are from the plan.
 
 In: a servo and its angles. Out: the cycles in each frame; for every distinct width a row with the requested
 and the achieved width; the largest differences as a `PlanError`, to which `build` adds the distance at a foot
