@@ -46,6 +46,8 @@ PROGRAM_SUFFIXES = (C_SUFFIX, *ASSEMBLY_SUFFIXES, *HEX_SUFFIXES)
 
 BUILT_PROGRAM, BUILT_SCHEDULE = "main.hex", "schedule.json"
 """Names in the folder that `servogen build` writes."""
+PAIR_FOLDERS = ("chip1", "chip2")
+"""The folders of the two builds in the folder of a job of two chips."""
 
 Included = Callable[[str, str], Path | None]
 """(name, including file) -> the included file; None if there is none. Raises InputError."""
@@ -115,6 +117,19 @@ def _refuse_utf16(raw: bytes, path: Path) -> None:
         raise InputError("not-utf8", "is UTF-16 text", Location(str(path)), "save the file as UTF-8")
 
 
+def is_built_pair(path: Path) -> bool:
+    """Return whether `path` is the folder of a job of two chips that was built."""
+    return all((path / name / BUILT_SCHEDULE).is_file() for name in PAIR_FOLDERS)
+
+
+def one_build(path: Path) -> Path:
+    """Return the folder of a build. Raises InputError for that of two chips."""
+    if is_built_pair(path):
+        parts = " or ".join(str(path / name) for name in PAIR_FOLDERS)
+        raise InputError("chip-pair", "is the build of two chips", Location(str(path)), f"name one: {parts}")
+    return path
+
+
 def program_file(path: Path) -> Path:
     """Return the file with the program: in a folder that `servogen build` wrote, its main.hex.
 
@@ -122,6 +137,7 @@ def program_file(path: Path) -> Path:
     """
     if not path.is_dir():
         return path
+    one_build(path)
     file = path / BUILT_PROGRAM
     if not file.is_file():
         problem = f"is a folder without a {BUILT_PROGRAM}"

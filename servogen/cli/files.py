@@ -78,7 +78,7 @@ def read_schedule_of(path: Path) -> PulseSchedule:
         from servogen.workflows.engines import planned
 
         return planned(plan_job(load(path))).plan.schedule
-    return read_schedule(path / "schedule.json" if path.is_dir() else path)
+    return read_schedule(programs.one_build(path) / programs.BUILT_SCHEDULE if path.is_dir() else path)
 
 
 def within_limits(

@@ -16,7 +16,7 @@ from servogen.cli.files import read_image
 from servogen.cli.options import Json
 from servogen.cli.show import as_json, status, warn
 from servogen.errors import InputError, Location
-from servogen.programs import is_job, program_file, read_schedule
+from servogen.programs import PAIR_FOLDERS, is_built_pair, is_job, program_file, read_schedule
 from servogen.workflows.flashing import check, schedule_beside
 
 
@@ -39,6 +39,27 @@ class FlashOptions:
         ),
     ] = None
     timeout: Annotated[float, typer.Option("--timeout", min=1, help="Seconds to wait for the chip.")] = 120.0
+    number: Annotated[
+        int | None,
+        typer.Option("--chip", min=1, max=2, help="Which of the two chips of a job, whose folder FILE is."),
+    ] = None
+
+    def folder(self, path: Path) -> Path:
+        """Return the build of the chosen chip in the folder of a job of two; without two, `path`.
+
+        Raises InputError for a job of two chips without a choice, and for a choice without two chips.
+        """
+        if not is_built_pair(path):
+            if self.number is not None:
+                message = "is not the folder of a job of two chips"
+                raise InputError(
+                    "conflicting-options", message, Location(str(path), key="--chip"), "omit --chip"
+                )
+            return path
+        if self.number is None:
+            hint = "--chip 1, then, with the other chip in the programmer, --chip 2"
+            raise InputError("missing-option", "is the build of two chips", Location(str(path)), hint)
+        return path / PAIR_FOLDERS[self.number - 1]
 
 
 def flash(
@@ -60,7 +81,7 @@ def flash(
         raise InputError(
             "no-program", "is a job, and a programmer takes a HEX file", Location(str(file)), hint
         )
-    file = program_file(file)
+    file = program_file(chosen.folder(file))
     image = read_image(file)
     path = against or schedule_beside(file)
     checked = check(file, image, chosen.device, path, read_schedule(path) if path else None)

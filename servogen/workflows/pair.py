@@ -24,7 +24,7 @@ from servogen.job.chips import part_of
 from servogen.outputs import write_text
 from servogen.pic.image import Image
 from servogen.plan_error import plan_text
-from servogen.programs import read_program, read_schedule
+from servogen.programs import BUILT_PROGRAM, BUILT_SCHEDULE, PAIR_FOLDERS, read_program, read_schedule
 from servogen.pulse import PulseSchedule
 from servogen.simulator import Levels, Machine, Stimuli
 from servogen.simulator.sources import SignalSource
@@ -33,7 +33,6 @@ from servogen.verify import Verdict, verdict_lines
 from servogen.workflows.job_build import Build, build_alone, write
 from servogen.workflows.verification import START_FRAMES, checked_cycles, judge_edges
 
-FOLDERS = ("chip1", "chip2")
 ONE_RUN = "This is one run of each pair. What holds for every power-up and wire is not decided."
 
 
@@ -65,7 +64,7 @@ class PairVerdict:
         """Return the verdict as text, that on both first."""
         parts = [
             f"{name}: {line}"
-            for name, verdict in zip(FOLDERS, self.chips, strict=True)
+            for name, verdict in zip(PAIR_FOLDERS, self.chips, strict=True)
             for line in verdict_lines(verdict)
         ]
         return [self.summary(), *parts]
@@ -98,7 +97,7 @@ class PairBuild:
     def programs(self) -> list[str]:
         """Return the size of each chip's programs, and how far its schedule is from the plan."""
         rows = []
-        for name, build in zip(FOLDERS, self.chips, strict=True):
+        for name, build in zip(PAIR_FOLDERS, self.chips, strict=True):
             words = ", ".join(f"{each.firmware.dialect} {each.image.words}" for each in build.programs)
             rows.append(f"{name}: words: {words}; {plan_text(build.plan.schedule.plan_error)}")
         return rows
@@ -125,7 +124,7 @@ def chip_jobs(job: PlannedJob) -> tuple[PlannedJob, PlannedJob]:
             'no pauses without pulses, and no end = "release"',
         )
     jobs = []
-    for folder, chip in zip(FOLDERS, job.chips, strict=True):
+    for folder, chip in zip(PAIR_FOLDERS, job.chips, strict=True):
         jobs.append(
             replace(
                 job,
@@ -224,23 +223,18 @@ def judge_pair(
 
 def judge_folder(folder: Path) -> PairVerdict:
     """Return the verdict on the HEX files of a built pair. Raises InputError."""
-    parts = [folder / name for name in FOLDERS]
-    schedules = [read_schedule(part / "schedule.json") for part in parts]
-    images = [read_program(part / "main.hex").image for part in parts]
+    parts = [folder / name for name in PAIR_FOLDERS]
+    schedules = [read_schedule(part / BUILT_SCHEDULE) for part in parts]
+    images = [read_program(part / BUILT_PROGRAM).image for part in parts]
     first, second = schedules
     if second.wire is None or first.period != second.period:
         raise InputError("chip-pair", "chip2 does not follow chip1: build both again", Location(str(folder)))
     return judge_pair((first, second), (images[0], images[1]))
 
 
-def is_built_pair(path: Path) -> bool:
-    """Return whether `path` is the folder of a built pair."""
-    return all((path / name / "schedule.json").is_file() for name in FOLDERS)
-
-
 def write_pair(result: PairBuild, folder: Path) -> None:
     """Write both builds and the report of the pair."""
-    for name, build in zip(FOLDERS, result.chips, strict=True):
+    for name, build in zip(PAIR_FOLDERS, result.chips, strict=True):
         write(build, folder / name)
     write_text(folder / "report.txt", pair_report(result))
 
@@ -256,7 +250,7 @@ def pair_report(result: PairBuild) -> str:
         "chip2 has no pulses in the first frames of chip1 and begins with the next. In a frame in which the",
         "wire does not rise in its cycle it releases its pulses; it begins again when chip1 does.",
     ]
-    for folder, build, programs in zip(FOLDERS, result.chips, result.programs(), strict=True):
+    for folder, build, programs in zip(PAIR_FOLDERS, result.chips, result.programs(), strict=True):
         pins = ", ".join(f"{servo.pin} {servo.name}" for servo in build.job.servos)
         lines += ["", f"{folder}: {pins}", f"{programs}; all of it in {folder}/report.txt"]
     for dialect, verdict in result.verdicts.items():

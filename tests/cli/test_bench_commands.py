@@ -113,6 +113,42 @@ def test_a_job_is_not_flashed(run: Run, flashed: dict[str, Any]) -> None:
 
 
 @pytest.fixture
+def pair_folder(tmp_path: Path) -> Path:
+    """What `build` leaves of a job of two chips, as far as a folder is recognised by it."""
+    for name in ("chip1", "chip2"):
+        (tmp_path / "pair" / name).mkdir(parents=True)
+        for file in ("schedule.json", "main.hex"):
+            (tmp_path / "pair" / name / file).write_text("")
+    return tmp_path / "pair"
+
+
+@pytest.mark.parametrize("number", [1, 2])
+def test_flash_programs_the_chosen_one_of_two_chips(
+    run: Run, flashed: dict[str, Any], pair_folder: Path, number: int
+) -> None:
+    ran = run("flash", pair_folder, "--chip", number)
+    built = pair_folder / f"chip{number}" / "main.hex"
+    assert (ran.code, flashed["check"][0], flashed["order"].file) == (0, built, built)
+
+
+def test_flash_asks_which_of_two_chips_and_no_other_folder_has_one(
+    run: Run, flashed: dict[str, Any], pair_folder: Path
+) -> None:
+    ran = run("flash", pair_folder)
+    assert (ran.code, "order" in flashed) == (2, False)
+    assert "--chip 1, then, with the other chip in the programmer, --chip 2" in ran.err
+    ran = run("flash", pair_folder / "chip1", "--chip", 1)
+    assert (ran.code, "order" in flashed) == (2, False) and "omit --chip" in ran.err
+
+
+@pytest.mark.parametrize("command", ["simulate", "measure", "watch", "disassemble"])
+def test_a_command_for_one_program_names_the_two_of_a_pair(run: Run, pair_folder: Path, command: str) -> None:
+    ran = run(command, pair_folder)
+    assert ran.code == 2
+    assert f"name one: {pair_folder / 'chip1'} or {pair_folder / 'chip2'}" in ran.err.replace("\n", " ")
+
+
+@pytest.fixture
 def bench(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """`rig` opens this bench, which ends at once; what it is opened with."""
     seen: dict[str, Any] = {}
