@@ -49,7 +49,7 @@ GROUPS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "Robots and motion": {
         "robot_commands": (
             *("robots", "servos", "fk", "ik", "jacobian", "statics"),
-            *("transform", "orientation", "differential", "mobility"),
+            *("transform", "orientation", "differential", "equation", "mobility"),
         ),
         "gait_command": ("gait",),
         "program_command": ("run-program",),
@@ -75,7 +75,9 @@ A command is the function of its name, `_` for `-`. Modules import what they nee
 needs much more than its neighbours has a module of its own.
 """
 
-WITH_NEGATIVE_NUMBERS = {"fk", "ik", "jacobian", "statics", "transform", "orientation", "differential"}
+WITH_NEGATIVE_NUMBERS = {
+    *("fk", "ik", "jacobian", "statics", "transform", "orientation", "differential", "equation"),
+}
 """Their arguments are numbers: -5 is not an option."""
 NEGATIVE_NUMBERS = {"ignore_unknown_options": True}
 

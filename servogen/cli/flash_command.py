@@ -14,7 +14,7 @@ from servogen.bench.programmers.flash import flash as flashed
 from servogen.bench.programmers.table import ProgrammingRequest, find
 from servogen.cli.files import read_image
 from servogen.cli.options import Json
-from servogen.cli.show import as_json, status, warn
+from servogen.cli.show import as_json, next_step, status, warn
 from servogen.errors import InputError, Location
 from servogen.programs import PAIR_FOLDERS, is_built_pair, is_job, program_file, read_schedule
 from servogen.workflows.flashing import check, schedule_beside
@@ -81,7 +81,8 @@ def flash(
         raise InputError(
             "no-program", "is a job, and a programmer takes a HEX file", Location(str(file)), hint
         )
-    file = program_file(chosen.folder(file))
+    built = file
+    file = program_file(chosen.folder(built))
     image = read_image(file)
     path = against or schedule_beside(file)
     checked = check(file, image, chosen.device, path, read_schedule(path) if path else None)
@@ -114,3 +115,8 @@ def flash(
         )
         return
     print(f"{file}: {image.words} words on the {order.device.name}, {how}")
+    if chosen.number == 1:
+        print(next_step("flash", built, "--chip", 2))
+    else:
+        schedule = ("--against", path) if path else ()
+        print(next_step("capture", "--port", "PORT", "-o", "capture.vcd", *schedule))

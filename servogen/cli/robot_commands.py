@@ -1,6 +1,7 @@
-"""Commands of robots: robots, fk, ik, jacobian, statics, mobility, transform, orientation, differential.
+"""Commands of robots: robots, fk, ik, jacobian, statics, mobility, transform, orientation, differential,
+equation.
 
-Arguments are degrees and millimetres; JSON has radians and metres, the unit in each name.
+Arguments are degrees and millimetres; JSON has the unit in each name.
 """
 
 from __future__ import annotations
@@ -478,6 +479,27 @@ def differential(
     for title, key in (("fixed axes: ", "fixed"), ("axes of T:  ", "moving")):
         d, delta = answer[key]["translation"], answer[key]["rotation_rad"]
         print(f"{title}d {_numbers(d, 6)}  δ {_numbers(delta, 6)} rad")
+
+
+Coefficient = Annotated[float, typer.Argument(help="A number.", parser=number, show_default=False)]
+
+
+def equation(a: Coefficient, b: Coefficient, c: Coefficient, json: Json = False) -> None:
+    """Solve a cos x + b sin x + c = 0 for x, which inverse kinematics leads to: every solution in degrees."""
+    answer = queries.equation_answer(a, b, c)
+    if json:
+        as_json(answer)
+        return
+    for x in answer["solutions_deg"]:
+        print(f"x = {x:z.6f}°")
+    if answer["every_angle"]:
+        print("a = b = c = 0: every x is a solution")
+    elif answer["amplitude"] == 0.0:
+        print("no solution: a = b = 0, and c is not 0")
+    elif answer["solutions_deg"]:
+        print("and these ± every multiple of 360°")
+    else:
+        print(f"no solution: |c| = {abs(c):.10g} is greater than √(a² + b²) = {answer['amplitude']:.10g}")
 
 
 def _numbers(values: Sequence[float], places: int = 4) -> str:

@@ -16,6 +16,7 @@ from servogen.errors import InputError, Location, did_you_mean
 from servogen.kinematics import catalogue
 from servogen.kinematics.forward import fk, fk_position, joint_array
 from servogen.kinematics.inverse.checked_forms import has_closed_form
+from servogen.kinematics.inverse.closed_forms import cosine_sine_sum
 from servogen.kinematics.inverse.configuration import (
     configuration_of,
     free_of_configuration,
@@ -354,6 +355,31 @@ def differential_answer(
         "moving": {"translation": _plain(own_d), "rotation_rad": _plain(own_delta)},
     }
 
+
+def equation_answer(a: float, b: float, c: float) -> Answer:
+    """Return every x in (-180°, 180°] with a cos x + b sin x + c = 0, in ascending order.
+
+    a cos x + b sin x is √(a² + b²) cos(x - atan2(b, a)): there are two where |c| < √(a² + b²), one where both
+    are equal to rounding, else none. With a = b = 0 the equation says nothing of x: every x solves it if
+    c = 0, else none.
+    """
+    cosine, sine, constant = _finite((a, b, c)).tolist()
+    amplitude = hypot(cosine, sine)
+    both = np.degrees(cosine_sine_sum(cosine, sine, -constant))
+    if amplitude == 0.0 or abs(constant) > amplitude * (1 + SAME_AMPLITUDE):
+        both = both[:0]
+    elif abs(constant) >= amplitude * (1 - SAME_AMPLITUDE):
+        both = both[:1]
+    within = both - 360 * np.ceil((both - 180) / 360)
+    return {
+        "amplitude": amplitude,
+        "solutions_deg": _plain(np.sort(within)),
+        "every_angle": amplitude == constant == 0.0,
+    }
+
+
+SAME_AMPLITUDE = 1e-14
+"""The relative difference of c and √(a² + b²) that is rounding."""
 
 ORIENTATION_FORMS = {
     **dict.fromkeys(ORDERS, 3),

@@ -46,7 +46,7 @@ UNITLESS = {
     ),
     "ratios and phases": (
         *("duty", "lifts", "swing_beyond", "coverage", "ratio", "asked", "used", "manipulability", "gear"),
-        "radius_in_wheel_distances",
+        *("radius_in_wheel_distances", "amplitude"),
     ),
     "places: frames, cells, registers, lines of a file": (
         *("loop_start", "pc", "w", "status", "registers", "ram", "eeprom", "unexecuted", "line", "column"),

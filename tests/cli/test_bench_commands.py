@@ -73,7 +73,9 @@ def test_flash_says_how_the_chip_was_checked(
 ) -> None:
     flashed["outcome"].compared, flashed["programmer"].verifies = compared, verifies
     ran = run("flash", "a.hex")
-    assert (ran.code, ran.out) == (0, f"a.hex: 123 words on the PIC16F84A, {how}\n")
+    what, after = ran.out.splitlines()
+    assert (ran.code, what) == (0, f"a.hex: 123 words on the PIC16F84A, {how}")
+    assert after == "next: servogen capture --port PORT -o capture.vcd"
     assert "forced False" in ran.err
     shown = json.loads(run("flash", "a.hex", "--json", "--force").out)
     assert wrong(json.dumps(shown)) == []
@@ -89,7 +91,9 @@ def test_flash_waits_two_minutes_and_takes_the_schedule_beside_the_program(
     assert (flashed["timeout"], flashed["find"], flashed["order"].port) == (120.0, None, None)
     assert flashed["check"][2:] == (None, None, None)
     flashed["beside"] = Path("schedule.json")
-    run("flash", "a.hex", "--timeout", 5, "--programmer", "x", "-p", "/dev/x", "--device", "PIC16F84")
+    ran = run("flash", "a.hex", "--timeout", 5, "--programmer", "x", "-p", "/dev/x", "--device", "PIC16F84")
+    after = "next: servogen capture --port PORT -o capture.vcd --against schedule.json"
+    assert ran.out.splitlines()[-1] == after
     assert (flashed["timeout"], flashed["find"], flashed["order"].port) == (5.0, "x", "/dev/x")
     assert flashed["check"][2:] == ("PIC16F84", Path("schedule.json"), "schedule schedule.json")
     run("flash", "a.hex", "--against", "other.json")
@@ -129,6 +133,8 @@ def test_flash_programs_the_chosen_one_of_two_chips(
     ran = run("flash", pair_folder, "--chip", number)
     built = pair_folder / f"chip{number}" / "main.hex"
     assert (ran.code, flashed["check"][0], flashed["order"].file) == (0, built, built)
+    after = f"flash {pair_folder} --chip 2", "capture --port PORT -o capture.vcd"
+    assert ran.out.splitlines()[-1] == f"next: servogen {after[number - 1]}"
 
 
 def test_flash_asks_which_of_two_chips_and_no_other_folder_has_one(

@@ -54,6 +54,7 @@ WALK = [
     "transform Ry(30)*Tx(50) 1 2 3",
     "orientation rpy 10 20 30",
     "differential Trans(10,5,0) --translation 1 0 0",
+    "equation 3 4 -2.5",
     "mobility scara",
     "gait hexapod",
     "run-program moves.rvm",

@@ -190,3 +190,16 @@ def test_a_number_at_the_limit_is_computed_with(run: Run) -> None:
 def test_a_wrong_transform_names_its_column_once(run: Run) -> None:
     ran = run("transform", "Rx(1) Rq(30)")
     assert ran.code == 2 and "error: column 7: 'Rq(30)' is not a transform" in ran.err
+
+
+@pytest.mark.parametrize(
+    ("words", "lines"),
+    [
+        ((1, 0, -0.5), ["x = -60.000000°", "x = 60.000000°", "and these ± every multiple of 360°"]),
+        ((1, 0, -2), ["no solution: |c| = 2 is greater than √(a² + b²) = 1"]),
+        ((0, 0, 3), ["no solution: a = b = 0, and c is not 0"]),
+        ((0, 0, 0), ["a = b = c = 0: every x is a solution"]),
+    ],
+)
+def test_an_equation_is_solved_or_says_why_not(run: Run, words: tuple[float, ...], lines: list[str]) -> None:
+    assert run("equation", *words).out.splitlines() == lines

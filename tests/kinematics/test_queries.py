@@ -1,7 +1,7 @@
 """What the commands answer: degrees and millimetres in, metres and radians out, JSON all the way."""
 
 import json
-from math import pi, radians, sin, sqrt
+from math import atan2, degrees, hypot, pi, radians, sin, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -374,3 +374,44 @@ def test_a_configuration_vector_is_typed_in_millimetres() -> None:
     )
     with pytest.raises(InputError, match="a configuration vector has six numbers, not 3"):
         q.configuration_answer("rv-m1", (1, 2, 3))
+
+
+@pytest.mark.parametrize(
+    ("coefficients", "solutions"),
+    [
+        ((1, 0, -0.5), [-60, 60]),
+        ((1, 0, 0), [-90, 90]),
+        ((0, 1, 0), [0, 180]),
+        ((3, 4, -5), [degrees(atan2(4, 3))]),  # the greatest value of a cos x + b sin x
+        ((1, 0, 1), [180]),  # where tan(x/2) has none
+        ((1e-9, 1e-9, 0), [-45, 135]),
+        ((3, 4, 5.000001), []),
+        ((0, 0, 1), []),
+    ],
+)
+def test_an_equation_of_cosine_and_sine_has_these_solutions(
+    coefficients: tuple[float, float, float], solutions: list[float]
+) -> None:
+    answer = q.equation_answer(*coefficients)
+    assert answer["solutions_deg"] == pytest.approx(solutions, abs=1e-6)
+    assert not answer["every_angle"]
+
+
+def test_an_equation_that_says_nothing_of_the_angle_is_solved_by_every_one() -> None:
+    answer = q.equation_answer(0, 0, 0)
+    assert (answer["every_angle"], answer["solutions_deg"]) == (True, [])
+
+
+def test_every_solution_of_an_equation_solves_it_and_where_the_sign_changes_there_is_one() -> None:
+    """Substituted, and counted by the sign changes of the left side over a turn."""
+    random, turn = np.random.default_rng(5), np.radians(np.arange(0.05, 360, 0.1))
+    counts = set()
+    for a, b, c in random.normal(size=(300, 3)) * 10.0 ** random.integers(-6, 6, (300, 1)):
+        x = np.radians(q.equation_answer(a, b, c)["solutions_deg"])
+        scale = hypot(a, b) + abs(c)
+        assert np.abs(a * np.cos(x) + b * np.sin(x) + c).max(initial=0) < 1e-12 * scale
+        side = np.sign(a * np.cos(turn) + b * np.sin(turn) + c)
+        assert len(x) == np.count_nonzero(side != np.roll(side, 1)), (a, b, c)
+        assert (np.diff(x) > 0).all() and (np.abs(x) <= np.pi).all()
+        counts.add(len(x))
+    assert counts == {0, 2}

@@ -45,10 +45,14 @@ def azimuth(y: Floats, x: Floats, home: float) -> Floats:
     return np.where(np.hypot(x, y) < ON_AXIS, home, np.arctan2(y, x))
 
 
-def _cosine_sine_sum(a: Floats | float, b: Floats | float, c: Floats) -> tuple[Floats, Floats]:
-    """Return both x with a cos x + b sin x = c: atan2(b, a) ± acos(c / √(a² + b²))."""
+def cosine_sine_sum(
+    a: Floats | float, b: Floats | float, c: Floats | float
+) -> tuple[Floats | float, Floats | float]:
+    """Return both x with a cos x + b sin x = c: atan2(b, a) ± acos(c / √(a² + b²)).
+
+    If |c| > √(a² + b²) or a = b = 0 they are candidates that are not solutions; `checked_forms` refuses them.
+    """
     length = np.hypot(a, b)
-    # Clipped values give candidates that are not solutions; `checked_forms` refuses them.
     half = np.arccos(np.clip(c / np.where(length == 0.0, 1.0, length), -1.0, 1.0))
     middle = np.arctan2(b, a)
     return middle + half, middle - half
@@ -80,10 +84,10 @@ def irb6400c(arm: Arm, target: TargetComponents) -> list[Branch]:
     across = (x * x + y * y + z * z - u * u - v * v - w * w - first**2) / (2 * first)
     direction = np.arctan2(y, x)
     branches: list[Branch] = []
-    for three in _cosine_sine_sum(u, w, -across):
+    for three in cosine_sine_sum(u, w, -across):
         cosine, sine = cos_sin(three)
         forward = sine * u - cosine * w
-        for two in _cosine_sine_sum(v, -forward, z):
+        for two in cosine_sine_sum(v, -forward, z):
             c_two, s_two = cos_sin(two)
             one = direction - np.arctan2(first + across, forward * c_two + v * s_two)
             if target.a is None:
