@@ -19,6 +19,9 @@ from servogen.units import Clock, Cycles
 PINS = (*(f"RA{bit}" for bit in range(5)), *(f"RB{bit}" for bit in range(8)))
 """The thirteen pins; a pin's index here is its number in every trace."""
 
+PAIR_PINS = 2 * len(PINS)
+"""In a trace of two chips the pins of the other one have the numbers from `len(PINS)` on."""
+
 LOW, HIGH, UNDRIVEN = 0, 1, 2
 """Levels. A pin that nothing drives is `UNDRIVEN`: 0 in CSV, z in VCD."""
 
@@ -66,11 +69,11 @@ class Changes:
     """A filter for consecutive chunks that drops edges without a change; every pin begins at `start`."""
 
     def __init__(self, start: int = UNDRIVEN) -> None:
-        self._level = np.full(len(PINS), start, dtype=np.uint8)
+        self._level = np.full(PAIR_PINS, start, dtype=np.uint8)
 
     def __call__(self, chunk: EdgeChunk) -> EdgeChunk:
         keep = np.zeros(len(chunk.pin), dtype=bool)
-        for pin in np.flatnonzero(np.bincount(chunk.pin, minlength=len(PINS))):
+        for pin in np.flatnonzero(np.bincount(chunk.pin, minlength=PAIR_PINS)):
             indices = np.flatnonzero(chunk.pin == pin)
             level = chunk.level[indices]
             keep[indices[1:]] = level[1:] != level[:-1]

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from servogen.edges import HIGH, PINS, EdgeChunk, EdgeTrace
+from servogen.edges import HIGH, PAIR_PINS, EdgeChunk, EdgeTrace
 
 LOW_SINCE = -1
 BEFORE_ALL = -1
@@ -58,7 +58,7 @@ class PulseReader:
 
     def __init__(self, begin: int = 0) -> None:
         self.begin = begin
-        self._since = np.full(len(PINS), LOW_SINCE, dtype=np.int64)
+        self._since = np.full(PAIR_PINS, LOW_SINCE, dtype=np.int64)
 
     def __copy__(self) -> PulseReader:
         other = PulseReader(self.begin)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 
 from servogen.pic.device import OPEN_DRAIN_PIN
 from servogen.pic.image import Image
 from servogen.pulse import PulseSchedule
-from servogen.simulator import Levels, Machine, SimulatorOptions, Stimuli
+from servogen.simulator import FirstChip, Levels, Machine, PairedMachine, SimulatorOptions, Stimuli
 from servogen.simulator.sources import Periodic, SignalSource, pin_number
 
 WIRE_QUIET_S, WIRE_HIGH_US = Fraction(1, 4), Fraction(1500)
@@ -24,6 +25,26 @@ def machine_of(
 ) -> Machine:
     """Return the chip with `image` on the board of `schedule`, its inputs at the schedule's levels."""
     return Machine(image, schedule.clock, board_of(schedule, options), inputs_of(schedule), tracked=tracked)
+
+
+def paired_machine(
+    schedules: tuple[PulseSchedule, PulseSchedule],
+    images: tuple[Image, Image],
+    shown: int = 0,
+    options: SimulatorOptions = SimulatorOptions(),  # noqa: B008 - frozen
+) -> PairedMachine:
+    """Return two chips with the wire between them, of which number `shown`, 0 or 1, is shown."""
+    first, second = schedules
+    assert second.wire is not None
+    source, pin = pin_number(second.wire.source), pin_number(second.wire.pin)
+    leading = partial(machine_of, first, images[0], options)
+    stimulus, other, wire = (
+        (None, Machine(images[1], second.clock, board_of(second, options)), (source, pin))
+        if shown == 0
+        else (Stimuli([FirstChip(leading, source, pin)]), leading(), None)
+    )
+    board = board_of(schedules[shown], options)
+    return PairedMachine(images[shown], first.clock, board, stimulus, other, wire)
 
 
 def inputs_of(schedule: PulseSchedule) -> Stimuli | None:

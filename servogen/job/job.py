@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 
+from servogen.edges import PINS
 from servogen.engines.inputs import EngineInput, given
 from servogen.engines.inputs.buttons import ControlButtons
 from servogen.engines.inputs.commands import Commander, commander
@@ -89,6 +90,13 @@ class Job:
         rows = [(servo.name, servo.pin, servo.model.title) for servo in self.servos]
         title = f"{self.name}: {self.device.name} at {self.clock.hz / 1e6:g} MHz"
         return table_html(title, ("servo", "pin", "model"), rows)
+
+    def pin_numbers(self, shown: int = 0) -> tuple[int, ...]:
+        """Return the number of each servo's pin in a trace; of two chips the one that is not `shown` (0 or 1)
+        has those from `len(PINS)` on.
+        """
+        others = self.chips[1 - shown].servos if self.chips else ()
+        return tuple(PINS.index(servo.pin) + len(PINS) * (servo.name in others) for servo in self.servos)
 
     @property
     def buttons(self) -> ControlButtons:

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from servogen.simulator.machine import Machine, Observation, Snapshot, Stimulus
     from servogen.simulator.observe import Profile, Spent, TraceRow, profile, trace
     from servogen.simulator.options import SimulatorOptions
+    from servogen.simulator.paired import FirstChip, PairedMachine
     from servogen.simulator.recurrence import NoRepeat, Repeat, find_repeat
     from servogen.simulator.run import Simulation, simulate
     from servogen.simulator.servo_model import ServoLoad, ServoPosition
@@ -25,6 +26,7 @@ _HOMES = {
     "recurrence": ("NoRepeat", "Repeat", "find_repeat"),
     "machine": ("Machine", "Observation", "Snapshot", "Stimulus"),
     "options": ("SimulatorOptions",),
+    "paired": ("FirstChip", "PairedMachine"),
     "observe": ("Profile", "Spent", "TraceRow", "profile", "trace"),
     "run": ("Simulation", "simulate"),
     "servo_model": ("ServoPosition", "ServoLoad"),
@@ -39,12 +41,14 @@ _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
 __all__ = [
     "CHIP_DEPENDENT",
     "BouncingButton",
+    "FirstChip",
     "LevelChange",
     "Levels",
     "Machine",
     "MachineState",
     "NoRepeat",
     "Observation",
+    "PairedMachine",
     "Periodic",
     "Profile",
     "Recorded",

@@ -87,14 +87,15 @@ def _broken(record: Record) -> Iterator[Event]:
 def _silent(record: Record, job: PlannedJob) -> Iterator[Event]:
     """Yield the servos that are not driven although the plan has pulses for them throughout."""
     planned = ~np.isnan(job.trajectory.angles)
+    since = max(OFF_S, record.held_from)
     for index, (servo, column) in enumerate(zip(record.rig.servos, record.rig.columns, strict=True)):
         if not planned[:, column].all():
             continue
-        idle = record.time[~record.pulsed[:, index] & (record.time >= OFF_S)]
+        idle = record.time[~record.pulsed[:, index] & (record.time >= since)]
         if len(idle):
             first = float(idle[0])
-            when = "at all" if first < 2 * OFF_S else f"from {first:.2f} s"
-            seconds = 0.0 if first < 2 * OFF_S else first
+            when = "at all" if first < since + OFF_S else f"from {first:.2f} s"
+            seconds = 0.0 if first < since + OFF_S else first
             yield Event(seconds, EventKind.NO_PULSES, f"{servo.name} receives no pulses {when}")
 
 
@@ -175,6 +176,7 @@ def _body(record: Record, planned: PlannedRoute) -> Iterator[Event]:
     if planned.height is None:
         return
     height = record.pose[:, 2] - record.settings.ground.level
+    height = np.where(record.time < record.held_from, planned.height, height)
     low = np.flatnonzero(height < (1 - SUNK) * planned.height)
     if len(low):
         when = float(record.time[low[0]])
@@ -194,5 +196,5 @@ def fallen_at(record: Record) -> float | None:
     lying = np.zeros(len(record.time), bool)
     if record.floating and record.feet.shape[1]:
         lying = record.pose[:, 2] - record.settings.ground.level < BODY_HEIGHT_M / 2 + 0.002
-    down = np.flatnonzero(lying | (record.tilt > TILT))
+    down = np.flatnonzero((lying | (record.tilt > TILT)) & (record.time >= record.held_from))
     return float(record.time[down[0]]) if len(down) else None

@@ -77,12 +77,16 @@ class LiveTwin:
         clock: Clock,
         edges: Callable[[int, int], EdgeChunk],
         settings: TwinSettings = TwinSettings(),  # noqa: B008 - frozen
+        shown: int = 0,
     ) -> None:
-        """Begin at power-up. Raises InputError, and ToolError where MuJoCo is missing."""
+        """Begin at power-up; of two chips `shown` is the one whose pins come first.
+
+        Raises InputError, and ToolError where MuJoCo is missing.
+        """
         self.rig, self._bodies, self._world = standing(job, settings)
         self.settings = settings = settings.following(self.rig)
         self._edges = edges
-        self._receiver = PulseReceiver([servo.pin for servo in self.rig.servos], clock, settings.step_s)
+        self._receiver = PulseReceiver(self.rig.pins(job, shown), clock, settings.step_s)
         self._waiting: list[ReceivedPulse] = []
         model = self._world.model
         self._shown = mujoco().MjData(model)

@@ -12,7 +12,7 @@ from copy import copy
 from fractions import Fraction
 from typing import NamedTuple
 
-from servogen.edges import PINS, EdgeChunk
+from servogen.edges import EdgeChunk
 from servogen.pulses import PulseReader
 from servogen.units import Clock
 
@@ -26,10 +26,10 @@ class ReceivedPulse(NamedTuple):
 
 
 class PulseReceiver:
-    """The pins of the servos, listening."""
+    """The pins of the servos, by their numbers in a trace, listening."""
 
-    def __init__(self, pins: Sequence[str], clock: Clock, step_s: Fraction) -> None:
-        self._servos = {PINS.index(pin): servo for servo, pin in enumerate(pins)}
+    def __init__(self, pins: Sequence[int], clock: Clock, step_s: Fraction) -> None:
+        self._servos = {pin: servo for servo, pin in enumerate(pins)}
         self._reader = PulseReader()
         self._cycles_per_step = clock.cycles_per_second * step_s
         self._us = float(1_000_000 / Fraction(clock.cycles_per_second))

@@ -45,6 +45,11 @@ class TwinRig:
         """Return the fewest steps of the physics per millisecond that follow the fastest servo."""
         return max((drive.steps_per_ms for drive in self.drives), default=1)
 
+    def pins(self, job: Job, shown: int = 0) -> tuple[int, ...]:
+        """Return the numbers of the servos' pins, as `Job.pin_numbers`."""
+        numbers = job.pin_numbers(shown)
+        return tuple(numbers[column] for column in self.columns)
+
 
 def rig_of(job: Job, broken: Sequence[str] = ()) -> TwinRig:
     """Return a job's servos on its robot. Raises InputError where there is none, or no such servo."""

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from servogen.edges import PINS
-from servogen.engines.board import board_of
+from servogen.engines.board import board_of, paired_machine
 from servogen.errors import InputError
 from servogen.job import PlannedJob
 from servogen.job.schema import SensorTable
@@ -123,6 +123,8 @@ class Record:
     motion: tuple[float, float]
     floating: bool
     """Whether the body is free; an arm, and a robot with one or two legs, are fixed."""
+    held_from: float = 0.0
+    """The second from which pulses have to hold the robot; two chips have none while the second one waits."""
     energies: Energies | None = None
     changes: tuple[LevelChange, ...] = ()
     """The changes of the sensors' pins."""
@@ -146,18 +148,20 @@ def simulate(
     lead_in_frames: int,
     settings: TwinSettings = TwinSettings(),
     stimuli: Stimuli | None = None,
+    second: tuple[PulseSchedule, Image] | None = None,
 ) -> Record:
     """Run a program in its robot from power-up on.
 
     `job` has the trajectory that the engine plays; its first `lead_in_frames` come before the job's own
-    motion. `stimuli` are applied to the pins besides the job's sensors.
+    motion. `stimuli` are applied to the pins besides the job's sensors. A job of two chips, which read
+    neither, has a `second` program.
 
     Raises InputError, and ToolError where MuJoCo is missing.
     """
     rig, built, world = standing(job, settings)
     settings = settings.following(rig)
     world.energies = Energies() if settings.energies else None
-    return _Run(job, schedule, image, lead_in_frames, settings, stimuli, rig, world, built).run()
+    return _Run(job, schedule, image, lead_in_frames, settings, stimuli, rig, world, built, second).run()
 
 
 def standing(job: PlannedJob, settings: TwinSettings) -> tuple[TwinRig, Bodies, World]:
@@ -220,18 +224,23 @@ class _Run:
         rig: TwinRig,
         world: World,
         built: Bodies,
+        second: tuple[PulseSchedule, Image] | None,
     ) -> None:
         self.job, self.schedule, self.settings = job, schedule, settings
         self.rig, self.world, self.bodies = rig, world, built
         self.lead_in_frames = lead_in_frames
-        self.receiver = PulseReceiver([servo.pin for servo in rig.servos], job.clock, settings.step_s)
+        self.receiver = PulseReceiver(rig.pins(job), job.clock, settings.step_s)
         self.off = unplugged(rig, settings.unplugged)
         self.sensors = [_sensor(row, world, rig) for row in job.sensors]
         held = [Levels(pin_number(input_.pin), ((0, input_.level),)) for input_ in schedule.inputs]
         scripted = Stimuli([*held, *(stimuli.sources if stimuli else ())])
         self.feed = Feed(scripted, job.clock) if self.sensors else None
         source = self.feed or (scripted if scripted.sources else None)
-        self.machine = Machine(image, job.clock, board_of(schedule), source)
+        self.machine = (
+            Machine(image, job.clock, board_of(schedule), source)
+            if second is None
+            else paired_machine((schedule, second[0]), (image, second[1]))
+        )
         self.chunk = settings.steps_per_ms * (1 if self.sensors else settings.chunk_ms)
         self.every = max(1, round(SAMPLE_S / float(settings.step_s)))
         self.limbs = [limb.name for limb in rig.robot.limbs if limb.mount is not None]
@@ -373,6 +382,7 @@ class _Run:
             places={name: places[:, 3 * at : 3 * at + 3] for at, name in enumerate(names)},
             motion=(begin, begin + self._frames() * self._frame_s()),
             floating=self.floating,
+            held_from=begin if self.job.chips else 0.0,
             energies=self.world.energies,
             changes=tuple(self.feed.seen) if self.feed else (),
             settings=self.settings,

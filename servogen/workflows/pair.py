@@ -18,6 +18,7 @@ import numpy as np
 
 from servogen.edges import HIGH, PINS, EdgeTrace, join
 from servogen.engines.board import board_of, machine_of
+from servogen.engines.firmware import Firmware
 from servogen.errors import InputError, Location
 from servogen.job import PlannedJob
 from servogen.job.chips import part_of
@@ -30,6 +31,7 @@ from servogen.simulator import Levels, Machine, Stimuli
 from servogen.simulator.sources import SignalSource
 from servogen.units import Cycles
 from servogen.verify import Verdict, verdict_lines
+from servogen.workflows.engines import PlayedJob, planned
 from servogen.workflows.job_build import Build, build_alone, write
 from servogen.workflows.verification import START_FRAMES, checked_cycles, judge_edges
 
@@ -149,22 +151,61 @@ def chip_jobs(job: PlannedJob) -> tuple[PlannedJob, PlannedJob]:
     return first, second
 
 
+@dataclass(frozen=True, slots=True)
+class PlayedPair:
+    """Both chips of a job as their engine plays them, and `job`, the whole robot with both motions: a servo
+    has no angle in the frames in which its chip has no pulses yet.
+    """
+
+    job: PlannedJob
+    chips: tuple[PlayedJob, PlayedJob]
+
+    @property
+    def schedules(self) -> tuple[PulseSchedule, PulseSchedule]:
+        first, second = self.chips
+        return first.plan.schedule, second.plan.schedule
+
+    def firmware(self) -> tuple[Firmware, Firmware]:
+        """Return both programs in the dialect that the job asks for. Raises ResourceError."""
+        first, second = (chip.make(self.job.firmware.dialect) for chip in self.chips)
+        return first, second
+
+
+def planned_pair(job: PlannedJob) -> PlayedPair:
+    """Return both chips of a job as their engine plays them. Raises InputError or ResourceError."""
+    first, second = (planned(each) for each in chip_jobs(job))
+    _same_frame(job, first.plan.schedule, second.plan.schedule)
+    longest = len(first.job.trajectory.angles)
+    angles = np.full((longest, len(job.servos)), np.nan)
+    names = list(job.trajectory.joints)
+    for played in (first, second):
+        motion = played.job.trajectory
+        columns = [names.index(name) for name in motion.joints]
+        angles[longest - len(motion.angles) :, columns] = motion.angles
+    whole = replace(first.job.trajectory, joints=job.trajectory.joints, angles=angles)
+    return PlayedPair(replace(job, trajectory=whole), (first, second))
+
+
+def _same_frame(job: PlannedJob, first: PulseSchedule, second: PulseSchedule) -> None:
+    """Raise InputError unless the frames of both chips have the same length."""
+    if first.period != second.period:
+        raise InputError(
+            "chip-pair",
+            f"the chips' frames differ: {first.period} and {second.period} cycles",
+            job.document.place("frame", "period_us"),
+            f"write a period of {max(first.period, second.period)} cycles, or deal the servos otherwise",
+        )
+
+
 def build_pair(job: PlannedJob, progress: Callable[[str], None] = lambda step: None) -> PairBuild:
     """Build both chips and judge them together. Raises InputError or ResourceError."""
     jobs = chip_jobs(job)
     first, second = (build_alone(each, progress) for each in jobs)
-    periods = [build.plan.schedule.period for build in (first, second)]
-    if periods[0] != periods[1]:
-        raise InputError(
-            "chip-pair",
-            f"the chips' frames differ: {periods[0]} and {periods[1]} cycles",
-            job.document.place("frame", "period_us"),
-            f"write a period of {max(periods)} cycles, or deal the servos otherwise",
-        )
+    schedules = first.plan.schedule, second.plan.schedule
+    _same_frame(job, *schedules)
     images = [
         {program.firmware.dialect: program.image for program in each.programs} for each in (first, second)
     ]
-    schedules = first.plan.schedule, second.plan.schedule
     verdicts = {
         dialect: judge_pair(schedules, (images[0][dialect], images[1][dialect]))
         for dialect in images[0]
@@ -221,15 +262,21 @@ def judge_pair(
     return PairVerdict((leads, follows), apart)
 
 
-def judge_folder(folder: Path) -> PairVerdict:
-    """Return the verdict on the HEX files of a built pair. Raises InputError."""
+def read_pair(
+    folder: Path,
+) -> tuple[tuple[PulseSchedule, PulseSchedule], tuple[Image, Image]]:
+    """Return the schedules and the programs of a built pair. Raises InputError."""
     parts = [folder / name for name in PAIR_FOLDERS]
-    schedules = [read_schedule(part / BUILT_SCHEDULE) for part in parts]
+    first, second = (read_schedule(part / BUILT_SCHEDULE) for part in parts)
     images = [read_program(part / BUILT_PROGRAM).image for part in parts]
-    first, second = schedules
     if second.wire is None or first.period != second.period:
         raise InputError("chip-pair", "chip2 does not follow chip1: build both again", Location(str(folder)))
-    return judge_pair((first, second), (images[0], images[1]))
+    return (first, second), (images[0], images[1])
+
+
+def judge_folder(folder: Path) -> PairVerdict:
+    """Return the verdict on the HEX files of a built pair. Raises InputError."""
+    return judge_pair(*read_pair(folder))
 
 
 def write_pair(result: PairBuild, folder: Path) -> None:

@@ -7,14 +7,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from servogen.errors import InputError
 from servogen.job import PlannedJob
 from servogen.pic.image import Image
-from servogen.programs import read_program
+from servogen.programs import is_built_pair, read_program
 from servogen.pulse import PulseSchedule
 from servogen.simulator import Stimuli
 from servogen.twin import TwinSettings, TwinVerdict, planned_of, simulate, verdict_of
 from servogen.workflows.engines import PlayedJob, planned
 from servogen.workflows.job_build import Build, Progress
+from servogen.workflows.pair import planned_pair, read_pair
 
 
 def twin_of(
@@ -25,11 +27,41 @@ def twin_of(
     progress: Progress = lambda step: None,
 ) -> TwinVerdict:
     """Return what the robot does with the job's own program, or with the one in a file. Raises InputError."""
+    if job.chips:
+        return _twin_of_pair(job, settings, program, stimuli, progress)
     played = planned(job)
     progress("compiling")
     image = _image(played, program)
     progress("moving")
     return twin_of_image(job, played.job, played.plan.schedule, image, settings, stimuli)
+
+
+def _twin_of_pair(
+    job: PlannedJob,
+    settings: TwinSettings,
+    folder: Path | None,
+    stimuli: Stimuli | None,
+    progress: Progress,
+) -> TwinVerdict:
+    """Return what the robot does with the programs of both chips, or with those in the folder of a build."""
+    place = job.document.place("chip")
+    if stimuli is not None:
+        raise InputError("chip-pair", "two chips read nothing that --stimulus could change", place)
+    if folder is not None and not is_built_pair(folder):
+        hint = "--hex takes the folder that `servogen build` writes for the job"
+        raise InputError("chip-pair", f"{folder} does not have the programs of two chips", place, hint)
+    pair = planned_pair(job)
+    progress("compiling")
+    if folder is not None:
+        images = read_pair(folder)[1]
+    else:
+        first, second = pair.firmware()
+        images = first.compilation.image, second.compilation.image
+    progress("moving")
+    schedules, played = pair.schedules, pair.job
+    lead_in = played.trajectory.loop_start - job.trajectory.loop_start
+    record = simulate(played, schedules[0], images[0], lead_in, settings, second=(schedules[1], images[1]))
+    return verdict_of(record, job, planned_of(played, lead_in, settings.loops))
 
 
 def twin_of_build(job: PlannedJob, result: Build) -> TwinVerdict:

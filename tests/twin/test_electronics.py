@@ -47,7 +47,7 @@ def turned(world: World, steps: int) -> float:
 
 @pytest.mark.parametrize("cut", range(1, len(EDGES)))
 def test_each_pulse_has_its_own_width_from_the_step_after_its_falling_edge(cut: int) -> None:
-    receiver = PulseReceiver(["RB0", "RB1"], CLOCK, Fraction(1, 1000))
+    receiver = PulseReceiver([PINS.index("RB0"), PINS.index("RB1")], CLOCK, Fraction(1, 1000))
     found = receiver.pulses(chunk(EDGES[:cut])) + receiver.pulses(chunk(EDGES[cut:]))
     assert found == [ReceivedPulse(2, 0, 1500.0), ReceivedPulse(2, 1, 1800.0), ReceivedPulse(22, 0, 1501.0)]
 

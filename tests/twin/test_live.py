@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from servogen.edges import EdgeChunk, edge_chunk
+from servogen.edges import PINS, EdgeChunk, edge_chunk
 from servogen.errors import InputError
 from servogen.twin import live
 from servogen.twin.live import LiveTwin
@@ -59,7 +59,7 @@ def twin(rows: list[Row]) -> tuple[LiveTwin, World, list[tuple[int, int]]]:
         return edge_chunk(*zip(*inside, strict=True)) if inside else edge_chunk((), (), ())
 
     made._world, made._edges = world, edges
-    made._receiver = PulseReceiver(["RB0"], MHZ4, Fraction(1, 1000))
+    made._receiver = PulseReceiver([PINS.index("RB0")], MHZ4, Fraction(1, 1000))
     made._waiting, made._coarse, made._kept, made._at = [], live.SPACING, {}, []
     made._keep()
     return made, world, asked

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 import pytest
 
-from servogen.edges import edge_chunk
+from servogen.edges import PINS, edge_chunk
 from servogen.errors import Diagnostic, InputError
 from servogen.job.schema import ExpectTable
 from servogen.kinematics.catalogue import robot
@@ -776,7 +776,7 @@ def test_the_first_event_is_a_line_across_each_chart_of_time(monkeypatch: pytest
 
 def test_pulses_take_effect_at_the_first_step_at_or_after_their_fall() -> None:
     """At 3.2768 MHz a millisecond is 819.2 cycles, and a cycle 1.220703125 µs."""
-    receiver = PulseReceiver(("RB0", "RA1"), Clock(3_276_800), Fraction(1, 1000))
+    receiver = PulseReceiver((PINS.index("RB0"), PINS.index("RA1")), Clock(3_276_800), Fraction(1, 1000))
     for step in range(12):
         first = math.ceil(step * 819.2)
         assert receiver.cycle_of(step) == first

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import Result
 from typer.testing import CliRunner
 
 from servogen.cli.app import app
-from servogen.edges import HIGH, EdgeTrace, join
+from servogen.edges import HIGH, PINS, EdgeChunk, EdgeTrace, join
+from servogen.engines.board import machine_of, paired_machine
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
 from servogen.prove import prove_for_all
@@ -182,6 +184,34 @@ def test_a_reset_of_the_second_chip_releases_it_until_the_first_begins_anew(
     assert rule is not None
     assert [cycle for cycle in found if begin < cycle < right[0] + 50 * P] == []
     assert right[0] + 54 * P + rule.cycles in found
+
+
+def rows(edges: EdgeChunk, beyond: int = 0) -> list[tuple[int, int, int]]:
+    """The edges before the 40th frame, with numbers of pins as where the first chip is shown."""
+    pins = (edges.pin.astype(int) + beyond) % (2 * len(PINS))
+    kept = edges.cycle < 40 * P - 2
+    return sorted(zip(*(column[kept].tolist() for column in (edges.cycle, pins, edges.level)), strict=True))
+
+
+@pytest.mark.parametrize("shown", [0, 1])
+@pytest.mark.parametrize("step", [40 * P, 777])
+def test_both_chips_in_one_machine_make_the_edges_of_each_alone(
+    pair: PairBuild, wire: Wire, shown: int, step: int
+) -> None:
+    """However it is cut into runs, whichever of them is shown, and again from a snapshot."""
+    first, second = (build.plan.schedule for build in pair.chips)
+    images = pair.chips[0].programs[0].image, pair.chips[1].programs[0].image
+    alone = (
+        rows(machine_of(first, images[0]).run(40 * P)),
+        rows(second_chip(second, images[1], wire).run(40 * P), len(PINS)),
+    )
+    both = paired_machine((first, second), images, shown)
+    begin = both.snapshot()
+    for _ in range(2):
+        seen = [both.run(step) for _ in range(-(-40 * P // step))]
+        assert all((np.diff(chunk.cycle) >= 0).all() for chunk in seen)
+        assert rows(join(seen), shown * len(PINS)) == sorted([*alone[0], *alone[1]])
+        both.restore(begin)
 
 
 def test_frames_of_the_first_chip_begin_after_the_second_one_can_listen(pair: PairBuild, wire: Wire) -> None:

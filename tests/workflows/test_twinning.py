@@ -17,7 +17,7 @@ def job(loop_start: int) -> Any:
     firmware = SimpleNamespace(dialect="xc8")
     device = SimpleNamespace(name="PIC16F84A")
     return SimpleNamespace(
-        trajectory=SimpleNamespace(loop_start=loop_start), firmware=firmware, device=device
+        trajectory=SimpleNamespace(loop_start=loop_start), firmware=firmware, device=device, chips=()
     )
 
 

@@ -1,0 +1,73 @@
+"""The twin of a robot whose servos are on two chips: one physics, and both chips in one time."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco", reason="the twin's physics needs MuJoCo: pip install 'servogen[twin]'")
+
+from servogen.job import loads, plan_job
+from servogen.twin import TwinSettings, TwinVerdict, planned_of, simulate, verdict_of
+from servogen.twin.causes import EventKind
+from servogen.workflows.pair import planned_pair
+from servogen.workflows.twinning import twin_of
+
+ONE = '[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n'
+TWO = "".join(f'[{ONE[:6]}]{ONE[6:]}wire = "{pin}"\n' for pin in ("RB0", "RA1"))
+ARM = """
+[robot]
+name = "theta1-theta2"
+
+[[servo]]
+name = "shoulder"
+pin = "RB0"
+model = "futaba-s3001"
+joint = "q1"
+
+[[servo]]
+name = "elbow"
+pin = "{elbow}"
+model = "futaba-s3001"
+joint = "q2"
+
+[motion]
+poses = [
+    {{ shoulder_deg = 60, elbow_deg = 110, hold_s = 0.4 }},
+    {{ shoulder_deg = 90, elbow_deg = 70, hold_s = 0.4 }},
+]
+"""
+
+
+def moved(chips: str, elbow: str) -> TwinVerdict:
+    return twin_of(plan_job(loads(chips + ARM.format(elbow=elbow), "arm.toml")))
+
+
+@pytest.fixture(scope="module")
+def pair() -> TwinVerdict:
+    return moved(TWO, "RB0")
+
+
+def test_an_arm_on_two_chips_moves_as_on_one(pair: TwinVerdict) -> None:
+    """The elbow's pin has the same name as the shoulder's, on the other chip."""
+    one = moved(ONE, "RB1")
+    assert pair.events == () and pair.record.pulsed[pair.record.first :].all()
+    there, here = (verdict.record.angle[verdict.record.first :] for verdict in (one, pair))
+    assert np.abs(there[-1] - here[-1]).max() < 0.005
+    assert np.abs(np.ptp(there, axis=0) - np.ptp(here, axis=0)).max() < 0.01
+
+
+def test_a_broken_wire_leaves_the_second_chips_servos_without_pulses() -> None:
+    """It begins at a pin of the first chip that nothing drives."""
+    job = plan_job(loads(TWO + ARM.format(elbow="RB0"), "arm.toml"))
+    pair = planned_pair(job)
+    first, second = pair.schedules
+    images = [firmware.compilation.image for firmware in pair.firmware()]
+    assert second.wire is not None
+    broken = replace(second, wire=replace(second.wire, source="RB7"))
+    settings = TwinSettings(seconds=2.0)
+    record = simulate(pair.job, first, images[0], 50, settings, second=(broken, images[1]))
+    events = verdict_of(record, job, planned_of(pair.job, 50, 1)).events
+    assert [(event.kind, event.text) for event in events] == [
+        (EventKind.NO_PULSES, "elbow receives no pulses at all")
+    ]
