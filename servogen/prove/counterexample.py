@@ -17,8 +17,9 @@ from servogen.prove.chip import TIME_FIELDS, UNCERTAIN, AssumedBits
 from servogen.prove.explore import SearchFinding
 from servogen.prove.nodes import Node
 from servogen.prove.quantifiers import ChipTrial, Quantifiers, trials
-from servogen.prove.specification import BEFORE, START_FRAMES, Edge, Specification, Violation
+from servogen.prove.specification import BEFORE, Edge, Specification, Violation
 from servogen.pulse import PulseSchedule
+from servogen.pulse.schedule import START_FRAMES
 from servogen.simulator import Levels, Machine, SimulatorOptions, Stimuli
 from servogen.simulator.layout import FETCH, INTF, RBIF
 from servogen.simulator.options import START_VALUES

@@ -17,10 +17,11 @@ from servogen.pic.image import Image
 from servogen.prove.chip import FIELD, ChipState, Reason, Use
 from servogen.prove.forks import Choices, PreparedProgram, before_instruction, ways_of
 from servogen.prove.generalise import Guess, follows_timer, live_places
-from servogen.prove.specification import START_FRAMES, Specification, Violation
+from servogen.prove.specification import Specification, Violation
 from servogen.prove.transitions import Ram, Transitions, applied
 from servogen.pulse import PulseSchedule
 from servogen.pulse.expected import expected
+from servogen.pulse.schedule import START_FRAMES
 from servogen.simulator import profile
 
 SAMPLE_FRAMES = 120

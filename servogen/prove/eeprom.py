@@ -15,7 +15,7 @@ from servogen.engines.stream.protocol import NO_TRIM, trim_cycles
 from servogen.pic.device import EEPROM_BYTES
 from servogen.pic.image import Image
 from servogen.prove.counterexample import Counterexample, levels_of, pin_changes
-from servogen.prove.specification import START_FRAMES, Edge
+from servogen.prove.specification import Edge
 from servogen.prove.tables import VALUES
 from servogen.pulse import PulseSchedule
 from servogen.simulator import SimulatorOptions
@@ -92,7 +92,7 @@ class TrimSearch:
         """Return the edges of a run that is long enough for so many frames, in cycles since power-on."""
         image = replace(self._image, eeprom={**dict.fromkeys(range(EEPROM_BYTES), NO_TRIM), **content})
         machine = machine_of(self._schedule, image, self._board)
-        return pin_changes(machine, 0, (frames + START_FRAMES) * self._schedule.period)
+        return pin_changes(machine, 0, self._schedule.run_cycles(frames * self._schedule.period))
 
     def _compared(self, content: Mapping[int, int], frames: int) -> tuple[int, str] | None:
         """Return the cycle since power-on of the first wrong edge, and what is wrong."""

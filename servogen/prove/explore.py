@@ -17,8 +17,9 @@ from servogen.prove.forks import ALONE, Choices, PreparedProgram, before_instruc
 from servogen.prove.generalise import Generaliser
 from servogen.prove.nodes import Decision, Node
 from servogen.prove.quantifiers import Quantifiers
-from servogen.prove.specification import BEFORE, IN_FRAME, START_FRAMES, Specification, SpecState, Violation
+from servogen.prove.specification import BEFORE, IN_FRAME, Specification, SpecState, Violation
 from servogen.prove.transitions import Ram, Transitions, applied
+from servogen.pulse.schedule import START_FRAMES
 from servogen.simulator.layout import EEIE, NEVER, T0IF, USE_INTERRUPT
 
 _SLEEPING, _EE_DONE_AT = FIELD["SLEEPING"], FIELD["EE_DONE_AT"]

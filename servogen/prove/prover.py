@@ -32,12 +32,13 @@ from servogen.prove.forks import PreparedProgram
 from servogen.prove.generalise import Generaliser
 from servogen.prove.nodes import Node
 from servogen.prove.quantifiers import EVERYTHING, Quantifiers
-from servogen.prove.specification import OVER, START_FRAMES, Specification
+from servogen.prove.specification import OVER, Specification
 from servogen.prove.tables import UndecidedTrims
 from servogen.prove.transitions import Transitions
 from servogen.prove.trim_pulses import WrongEdge
 from servogen.prove.trims import Trimmed, TrimProof
 from servogen.pulse import PulseSchedule
+from servogen.pulse.schedule import START_FRAMES
 from servogen.simulator import Machine, SimulatorOptions
 from servogen.units import Cycles
 

@@ -24,9 +24,6 @@ from servogen.units import counted
 BEFORE, IN_FRAME, OVER = range(3)
 """The phases of a specification's state."""
 
-START_FRAMES = 50
-"""How many periods the first pulse may take from reset on."""
-
 Edge = tuple[int, int, int]
 """(cycle, pin, level)."""
 

@@ -34,7 +34,6 @@ from servogen.prove.chip import (
 )
 from servogen.prove.forks import Choices, PreparedProgram, before_instruction
 from servogen.prove.generalise import Generaliser
-from servogen.prove.specification import START_FRAMES
 from servogen.prove.tables import (
     CLASSES,
     VALUES,
@@ -49,6 +48,7 @@ from servogen.prove.tables import (
 from servogen.prove.transitions import Ram, Rest, Transitions, applied
 from servogen.prove.trim_pulses import NOT_BEGUN, Position, TrimPulses
 from servogen.pulse import PulseSchedule
+from servogen.pulse.schedule import START_FRAMES
 from servogen.simulator import layout
 
 EEDATA = "EEDATA"

@@ -33,6 +33,9 @@ OPTIONAL: Mapping[str, Any] = MappingProxyType(
 MAX_DISTANCE = 1e9
 """The maximum plan error in any unit; a larger number must be a mistake."""
 
+START_FRAMES = 50
+"""The maximum number of frames from reset to the first pulse; later, a program counts as silent."""
+
 
 @dataclass(frozen=True, slots=True)
 class Channel:
@@ -261,6 +264,10 @@ class PulseSchedule:
     def loop_frames(self) -> int:
         """Return the number of frames in the loop."""
         return sum(run.frames for run in self.loop)
+
+    def run_cycles(self, span: int) -> Cycles:
+        """Return the cycles from reset in which a program shows `span` cycles of pulses, or is silent."""
+        return Cycles(span + START_FRAMES * self.period)
 
     def json_text(self) -> str:
         """Return the schedule as text with one run per line; equal schedules give equal texts."""

@@ -52,7 +52,6 @@ from servogen.verify import CaptureVerdict, Tolerances, Verdict, capture_lines, 
 from servogen.verify.capture.check import split
 from servogen.workflows.capture import CaptureSettings, capture
 from servogen.workflows.verification import (
-    START_FRAMES,
     checked_cycles,
     chip_warnings,
     cycle_of,
@@ -247,7 +246,7 @@ class Simulator:
         if request.device is not None:
             options = replace(options, device=request.device)
         if schedule is not None:
-            limit = Cycles(span + START_FRAMES * schedule.period)
+            limit = schedule.run_cycles(span)
             options, stimuli = board_of(schedule, options), stimuli or inputs_of(schedule)
         machine = Machine(self._image, request.clock, options, stimuli, tracked=True)
         trace = EdgeTrace(request.clock, machine.stream(limit), limit).stored()

@@ -48,8 +48,6 @@ from servogen.workflows.certificates import beside, kept
 from servogen.workflows.engines import planned
 from servogen.workflows.verification import judge_capture
 
-START_FRAMES = 50
-"""The maximum number of frames from reset to a program's first pulse."""
 LOOPS = 2
 """The number of loops in which the first difference is searched."""
 NEAR_FRAMES = Fraction(3, 2)
@@ -274,7 +272,7 @@ def _compared(subject: Subject, progress: Callable[[str], None]) -> Subject:
     progress("comparing with the schedule")
     frames = schedule.lead_in_frames + LOOPS * schedule.loop_frames
     longest = schedule.clock.round_seconds(MAX_SEARCH_S)
-    end = Cycles(min(longest, (frames + START_FRAMES) * schedule.period))
+    end = min(longest, schedule.run_cycles(frames * schedule.period))
     trace = subject.trace
     if trace is None:
         assert subject.image is not None

@@ -53,8 +53,8 @@ FINER = 3
 SCRIPT_BYTES, SHARES = 2, (1.0, 0.75, 0.5, 0.25)
 """Bytes of a pose beside its angles; the shares of the poses that usually fit that are tried."""
 
-PCA9685_US = 20_000 / 4096
-"""A step of a PCA9685 at 50 Hz, in µs."""
+US_PER_UNIT = {"us": 1.0, "pca9685": 20_000 / 4096}
+"""The µs in a unit of pulse widths; a PCA9685 counts 4096 steps in a frame of 50 Hz."""
 
 PINS = (*(f"RB{bit}" for bit in range(8)), *(f"RA{bit}" for bit in range(4)))
 """The pins of a new job's servos."""
@@ -70,66 +70,76 @@ def in_servos(recording: RecordedMotion, job: Job, named: Named) -> RecordedMoti
     Raises InputError.
     """
     names, unit = named
-    servos, by_joint = list(job.servos), {binding.joint: binding for binding in job.bindings}
-    by_servo = {binding.servo: binding for binding in job.bindings}
-    for name in names:
-        if name not in recording.names:
-            raise InputError(
-                "unknown-name",
-                f"{recording.file} has no track '{name}'",
-                Location("--map"),
-                did_you_mean(name, recording.names),
-            )
-    columns: dict[str, tuple[int, Servo, Binding | None]] = {}
-    for track, name in enumerate(recording.names):
-        wanted = names.get(name, cleaned(name))
-        binding = by_servo.get(wanted) if recording.of_joints or wanted not in by_servo else None
-        if wanted in by_joint and (recording.of_joints or wanted not in [each.name for each in servos]):
-            binding = by_joint[wanted]
-            wanted = binding.servo
-        servo = next((each for each in servos if each.name == wanted), None)
-        if servo is None or servo.model.continuous or wanted in columns:
-            why = "no servo" if servo is None else "a wheel" if servo.model.continuous else "a second track"
-            raise InputError(
-                "unknown-servo",
-                f"the track '{name}' is that of {why} of {job.name}: '{wanted}'",
-                recording.places[0],
-                f"--map '{name}'=SERVO, one of {', '.join(each.name for each in servos)}",
-            )
-        columns[wanted] = track, servo, binding
-    angles = np.tile([servo.neutral for servo in servos], (len(recording.times), 1))
+    tracks = _tracks_of_servos(recording, job, names)
+    angles = np.tile([servo.neutral for servo in job.servos], (len(recording.times), 1))
     speeds, accelerations = (
         None if part is None else np.zeros_like(angles)
         for part in (recording.speeds, recording.accelerations)
     )
-    for column, servo in enumerate(servos):
-        if servo.name not in columns:
+    for column, servo in enumerate(job.servos):
+        if servo.name not in tracks:
             continue
-        track, _, binding = columns[servo.name]
+        track, binding = tracks[servo.name]
         its_unit = recording.units[track] or unit
         if its_unit is None:
             raise _without_unit(recording)
         zero, scale = _affine(servo, binding, its_unit, recording.of_joints)
         values = recording.values[:, track]
-        if its_unit in ("us", "pca9685"):
-            us = values * (PCA9685_US if its_unit == "pca9685" else 1.0)
-            angles[:, column] = [servo.angle(width) for width in us.tolist()]
+        if its_unit in US_PER_UNIT:
+            angles[:, column] = [servo.angle(width) for width in (values * US_PER_UNIT[its_unit]).tolist()]
         else:
             angles[:, column] = zero + scale * values
         for whole, part in ((speeds, recording.speeds), (accelerations, recording.accelerations)):
             if whole is not None and part is not None:
                 whole[:, column] = scale * part[:, track]
         for at in (int(np.argmin(angles[:, column])), int(np.argmax(angles[:, column]))):
-            servo.width_us(float(angles[at, column]), recording.places[at])
-    everything = tuple(servo.name for servo in servos)
+            servo.check(float(angles[at, column]), recording.places[at])
     return replace(
         recording,
-        names=everything,
-        units=("rad",) * len(servos),
+        names=tuple(servo.name for servo in job.servos),
+        units=("rad",) * len(job.servos),
         values=angles,
         speeds=speeds,
         accelerations=accelerations,
     )
+
+
+def _tracks_of_servos(
+    recording: RecordedMotion, job: Job, names: Mapping[str, str]
+) -> dict[str, tuple[int, Binding | None]]:
+    """Return by servo the index of its track, and the joint that it turns if the track is told by joints.
+
+    `names` are those of servos or joints, by track. Raises InputError.
+    """
+    unknown = next((name for name in names if name not in recording.names), None)
+    if unknown is not None:
+        raise InputError(
+            "unknown-name",
+            f"{recording.file} has no track '{unknown}'",
+            Location("--map"),
+            did_you_mean(unknown, recording.names),
+        )
+    servos = {servo.name: servo for servo in job.servos}
+    by_joint = {binding.joint: binding for binding in job.bindings}
+    by_servo = {binding.servo: binding for binding in job.bindings}
+    tracks: dict[str, tuple[int, Binding | None]] = {}
+    for track, name in enumerate(recording.names):
+        wanted = names.get(name, cleaned(name))
+        binding = by_servo.get(wanted) if recording.of_joints else None
+        if wanted in by_joint and (recording.of_joints or wanted not in servos):
+            binding = by_joint[wanted]
+            wanted = binding.servo
+        servo = servos.get(wanted)
+        if servo is None or servo.model.continuous or wanted in tracks:
+            why = "no servo" if servo is None else "a wheel" if servo.model.continuous else "a second track"
+            raise InputError(
+                "unknown-servo",
+                f"the track '{name}' is that of {why} of {job.name}: '{wanted}'",
+                recording.places[0],
+                f"--map '{name}'=SERVO, one of {', '.join(servos)}",
+            )
+        tracks[wanted] = track, binding
+    return tracks
 
 
 def _affine(servo: Servo, binding: Binding | None, unit: str, of_joints: bool) -> tuple[float, float]:

@@ -7,7 +7,7 @@ date, the host or the path.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from servogen.edges import EdgeTrace
@@ -24,21 +24,14 @@ from servogen.pic.listing import listing_text
 from servogen.pulse import PulseSchedule
 from servogen.pulse.plan import PulsePlan
 from servogen.report.text import BuildFacts, Overrun, ProgramFacts, report_text
-from servogen.simulator import CHIP_DEPENDENT, Machine
+from servogen.simulator import Machine
 from servogen.simulator.stimulus import file_inputs
 from servogen.traces import write_edges
 from servogen.units import Cycles
 from servogen.verify import Verdict
 from servogen.workflows.advice import advised
 from servogen.workflows.engines import planned
-from servogen.workflows.verification import (
-    LOOPS_CHECKED,
-    START_FRAMES,
-    checked_cycles,
-    chip_warnings,
-    end_of,
-    judge_edges,
-)
+from servogen.workflows.verification import LOOPS_CHECKED, checked_cycles, judge_run
 
 EXPECTED_WARNING = "delay-rounded"
 """A warning that is omitted: the C states cycles as times, which the compiler is meant to round back; every
@@ -59,6 +52,8 @@ class BuiltProgram:
     """The end, from reset, of the first frame in which the C was late; None if it never was, or is not
     recorded.
     """
+    edges: EdgeTrace | None = field(default=None, compare=False)
+    """All edges of the run from reset; only the program in the job's own dialect keeps them."""
 
     def __repr__(self) -> str:
         words, verdict = self.image.words, "exact" if self.exact else "NOT exact"
@@ -187,8 +182,7 @@ def build_alone(job: PlannedJob, progress: Progress) -> Build:
             )
             continue
         progress(f"comparing {dialect}")
-        span = checked_cycles(schedule)
-        programs.append(judged(schedule, firmware, span))
+        programs.append(judge_firmware(schedule, firmware, stored=dialect == own))
     return Build(
         job=played.job,
         engine=played.engine,
@@ -198,20 +192,16 @@ def build_alone(job: PlannedJob, progress: Progress) -> Build:
     )
 
 
-def judged(schedule: PulseSchedule, firmware: Firmware, span: Cycles) -> BuiltProgram:
-    """Run the firmware for `span` cycles of pulses, and return it with the verdict on its edges."""
+def judge_firmware(schedule: PulseSchedule, firmware: Firmware, *, stored: bool = False) -> BuiltProgram:
+    """Run the firmware for `checked_cycles`, and return it with the verdict and, if `stored`, its edges."""
     image = firmware.compilation.image
-    machine = machine_of(schedule, image, tracked=True)
-    limit = Cycles(span + START_FRAMES * schedule.period)
-    verdict = judge_edges(schedule, EdgeTrace(schedule.clock, machine.stream(limit), limit), span)
-    warnings = chip_warnings(machine, end_of(verdict), firmware.compilation.listing)
-    verdict = verdict.with_warnings(warnings, CHIP_DEPENDENT)
+    run = judge_run(schedule, image, listing=firmware.compilation.listing, stored=stored)
     late = None
-    if firmware.overrun is not None and _overrun(machine, firmware.overrun):
+    if firmware.overrun is not None and _overrun(run.machine, firmware.overrun):
         late = machine_of(schedule, image)
         while not _overrun(late, firmware.overrun):
             late.run(schedule.period)
-    return BuiltProgram(firmware, verdict, late.cycles if late else None)
+    return BuiltProgram(firmware, run.verdict, late.cycles if late else None, run.edges if stored else None)
 
 
 def _overrun(machine: Machine, address: int) -> bool:
@@ -258,9 +248,9 @@ def write(result: Build, folder: Path) -> None:
 
 def checked_edges(result: Build) -> EdgeTrace:
     """Return the edges of the job's own program from reset to the end of the checked time."""
-    schedule, own = result.plan.schedule, result.programs[0]
-    end = Cycles((own.verdict.start or 0) + checked_cycles(schedule))
-    return EdgeTrace(schedule.clock, machine_of(schedule, own.image).stream(end), end)
+    own = result.programs[0]
+    assert own.edges is not None
+    return own.edges.until((own.verdict.start or 0) + checked_cycles(result.plan.schedule))
 
 
 def report(result: Build) -> str:

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from servogen.edges import HIGH, PINS, EdgeTrace, join
-from servogen.engines.board import board_of, machine_of
+from servogen.engines.board import board_of
 from servogen.engines.firmware import Firmware
 from servogen.errors import InputError, Location
 from servogen.job import PlannedJob
@@ -33,7 +33,7 @@ from servogen.units import Cycles
 from servogen.verify import Verdict, verdict_lines
 from servogen.workflows.engines import PlayedJob, planned
 from servogen.workflows.job_build import Build, build_alone, write
-from servogen.workflows.verification import START_FRAMES, checked_cycles, judge_edges
+from servogen.workflows.verification import checked_cycles, judge_edges, running
 
 ONE_RUN = "This is one run of each pair. What holds for every power-up and wire is not decided."
 
@@ -214,9 +214,8 @@ def build_pair(job: PlannedJob, progress: Callable[[str], None] = lambda step: N
     return PairBuild(job, (first, second), verdicts)
 
 
-def wire_edges(schedule: PulseSchedule, image: Image, pin: str, span: Cycles) -> tuple[tuple[int, int], ...]:
+def wire_edges(trace: EdgeTrace, pin: str) -> tuple[tuple[int, int], ...]:
     """Return the levels of the first chip's pin of the wire, with the pull-down: (cycle, level)."""
-    trace = EdgeTrace(schedule.clock, machine_of(schedule, image).stream(span), span)
     edges = join(trace.chunks)
     mine = edges.pin == PINS.index(pin)
     levels = (edges.level[mine] == HIGH).astype(int)
@@ -247,10 +246,9 @@ def judge_pair(
     rule = second.wire
     assert rule is not None
     span = Cycles(max(checked_cycles(each) for each in schedules))
-    limit = Cycles(span + START_FRAMES * first.period)
-    trace = EdgeTrace(first.clock, machine_of(first, images[0]).stream(limit), limit)
-    leads = judge_edges(first, trace, span)
-    wire = change(wire_edges(first, images[0], rule.source, limit))
+    trace = running(first, images[0], span).stored()
+    leads, limit = judge_edges(first, trace, span), trace.end
+    wire = change(wire_edges(trace, rule.source))
     machine = second_chip(second, images[1], wire)
     follows = judge_edges(
         second, EdgeTrace(second.clock, machine.stream(limit), limit), checked_cycles(second)

@@ -28,7 +28,7 @@ from servogen.workflows.certificates import kept
 from servogen.workflows.engines import with_end_error
 from servogen.workflows.job_build import Build, Progress, build, hex_name, program_facts
 from servogen.workflows.twinning import twin_of_build
-from servogen.workflows.verification import hidden_by, judge_capture, judge_file, motion_cycles, running
+from servogen.workflows.verification import hidden_by, judge_capture, judge_file, motion_cycles
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,8 +125,9 @@ def _facts(result: Build, capture: CaptureFacts | None) -> PageFacts:
 
 def _once(planned: PulsePlan, result: Build) -> EdgeTrace:
     """Return the edges of the job's own program for one pass of the motion."""
-    schedule = planned.schedule
-    return running(schedule, result.programs[0].image, motion_cycles(schedule)).stored()
+    schedule, edges = planned.schedule, result.programs[0].edges
+    assert edges is not None
+    return edges.until(schedule.run_cycles(motion_cycles(schedule))).stored()
 
 
 def capture_facts(

@@ -19,7 +19,7 @@ from servogen.compiler import Options, Source, compile_sources
 from servogen.edges import PINS, join
 from servogen.engines.sequence.programs import START, DelayPath, Hold, Overheads
 from servogen.engines.sequence.programs import Sequence as Program
-from servogen.engines.sequence.rendering import render
+from servogen.engines.sequence.rendering import angle_texts, render
 from servogen.engines.sequence.sequencing import MARGIN, sequence
 from servogen.engines.sequence.tuning import TunedFirmware, edges_to_watch
 from servogen.errors import InputError, Location
@@ -102,7 +102,8 @@ def tune_to(
     verdict = judge_image(schedule, theirs, span)
     if verdict.edges_agree:
         return Tuned(verdict, tuple(added), "")
-    following = render(sequence(schedule, overheads), dialect, job.device, job.name, job.servos)
+    angles = angle_texts(played.plan.widths, job.servos)
+    following = render(sequence(schedule, overheads), dialect, job.device, job.name, angles)
     return Tuned(verdict, tuple(added), following)
 
 

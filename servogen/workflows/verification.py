@@ -47,9 +47,6 @@ from servogen.verify.verdict import unseen_motion_reason
 LOOPS_CHECKED = 3
 """The number of loops that are checked: the whole motion and two repetitions."""
 
-START_FRAMES = 50
-"""The maximum number of frames from reset to the first pulse; later, an image counts as silent."""
-
 
 def checked_cycles(schedule: PulseSchedule) -> Cycles:
     """Return the cycles of the lead-in and of `LOOPS_CHECKED` loops."""
@@ -68,7 +65,7 @@ def running(
     options: SimulatorOptions = SimulatorOptions(),  # noqa: B008 - frozen
 ) -> EdgeTrace:
     """Return the edges of `image` on the simulator, for `span` cycles plus the time to the first pulse."""
-    limit = Cycles(span + START_FRAMES * schedule.period)
+    limit = schedule.run_cycles(span)
     return EdgeTrace(schedule.clock, machine_of(schedule, image, options).stream(limit), limit)
 
 
@@ -178,6 +175,40 @@ def judge_edges(schedule: PulseSchedule, trace: EdgeTrace, span: Cycles | None =
     return verdict
 
 
+@dataclass(frozen=True, slots=True)
+class JudgedRun:
+    """A run of an image: the verdict, the machine where it stopped, and the edges, if they were stored."""
+
+    verdict: Verdict
+    machine: Machine
+    edges: EdgeTrace
+
+
+def judge_run(
+    schedule: PulseSchedule,
+    image: Image,
+    span: Cycles | None = None,
+    listing: Listing | None = None,
+    options: SimulatorOptions = SimulatorOptions(),  # noqa: B008 - frozen
+    *,
+    stored: bool = False,
+) -> JudgedRun:
+    """Run `image` and judge its edges over `span` cycles (default: `checked_cycles`).
+
+    Edges that equal the schedule's but depend on values that no chip guarantees are not exact. Without
+    `stored` the edges are consumed, and the machine runs no further than the verdict needs.
+    """
+    span = checked_cycles(schedule) if span is None else span
+    machine = machine_of(schedule, image, options, tracked=True)
+    limit = schedule.run_cycles(span)
+    edges = EdgeTrace(schedule.clock, machine.stream(limit), limit)
+    if stored:
+        edges = edges.stored()
+    verdict = judge_edges(schedule, edges, span)
+    warnings = chip_warnings(machine, end_of(verdict), listing)
+    return JudgedRun(verdict.with_warnings(warnings, CHIP_DEPENDENT), machine, edges)
+
+
 def judge_image(
     schedule: PulseSchedule,
     image: Image,
@@ -185,15 +216,8 @@ def judge_image(
     listing: Listing | None = None,
     options: SimulatorOptions = SimulatorOptions(),  # noqa: B008 - frozen
 ) -> Verdict:
-    """Run `image` and return the verdict on its edges over `span` cycles (default: `checked_cycles`).
-
-    Edges that equal the schedule's but depend on values that no chip guarantees are not exact.
-    """
-    span = checked_cycles(schedule) if span is None else span
-    machine = machine_of(schedule, image, options, tracked=True)
-    limit = Cycles(span + START_FRAMES * schedule.period)
-    verdict = judge_edges(schedule, EdgeTrace(schedule.clock, machine.stream(limit), limit), span)
-    return verdict.with_warnings(chip_warnings(machine, end_of(verdict), listing), CHIP_DEPENDENT)
+    """Return the verdict on a run of `image` (see `judge_run`)."""
+    return judge_run(schedule, image, span, listing, options).verdict
 
 
 def not_judged(schedule: PulseSchedule, image: Image | None = None) -> tuple[str, ...]:

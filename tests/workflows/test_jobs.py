@@ -12,12 +12,14 @@ from pathlib import Path
 
 import pytest
 
-from servogen.edges import EdgeTrace, join
+from servogen.edges import EdgeChunk, EdgeTrace, join
 from servogen.job import load, plan_job
 from servogen.pic.image import Image, from_hex
 from servogen.pic.isa import WORD_MASK
 from servogen.pulse import from_json
-from servogen.workflows.job_build import Build, build, write
+from servogen.simulator import Machine
+from servogen.workflows.engines import planned
+from servogen.workflows.job_build import Build, build, checked_edges, judge_firmware, write
 from servogen.workflows.verification import checked_cycles, judge_edges, running
 
 ROOT = Path(__file__).parent.parent.parent
@@ -101,6 +103,30 @@ def test_exercise_8_4_in_its_edge_file(tmp_path: Path) -> None:
     assert [pulse.width for pulse in pulses] == one_round * 3
     periods = {after.rise - before.rise for before, after in pairwise(pulses)}
     assert periods == {20_000}
+
+
+def test_a_program_is_run_once_to_be_judged_written_and_drawn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runs: list[Machine] = []
+
+    def counted(machine: Machine, cycles: int) -> Iterator[EdgeChunk]:
+        runs.append(machine)
+        return stream(machine, cycles)
+
+    stream = Machine.stream
+    made = planned(plan_job(load(ROOT / "jobs" / "lab8-program.toml")))
+    firmware = made.make("c2c")
+    monkeypatch.setattr(Machine, "stream", counted)
+    program = judge_firmware(made.plan.schedule, firmware, stored=True)
+    done = replace(built("lab8-program"), programs=(program,))
+    write(done, tmp_path)
+    assert len(runs) == 1
+    monkeypatch.undo()
+    seen = join(checked_edges(done).chunks)
+    span = checked_cycles(done.plan.schedule)
+    again = join(running(done.plan.schedule, program.image, span).until(checked_edges(done).end).chunks)
+    assert all((column == repeated).all() for column, repeated in zip(seen, again, strict=True))
 
 
 def test_the_schedule_in_the_folder_is_the_one_that_was_proven(tmp_path: Path, job: Build) -> None:

@@ -20,6 +20,7 @@ from servogen.simulator import Reset
 from servogen.units import Cycles
 from servogen.workflows.engines import planned
 from servogen.workflows.pair import PairBuild, build_pair, judge_pair, second_chip, wire_edges
+from servogen.workflows.verification import running
 
 JOB = """
 [[chip]]
@@ -74,7 +75,7 @@ def pair() -> PairBuild:
 def wire(pair: PairBuild) -> Wire:
     """The first 60 frames' levels of the wire."""
     first = pair.chips[0]
-    return wire_edges(first.plan.schedule, first.programs[0].image, "RB1", Cycles(80 * P))
+    return wire_edges(running(first.plan.schedule, first.programs[0].image, Cycles(30 * P)), "RB1")
 
 
 def rises(wire: Wire) -> list[int]:

@@ -16,7 +16,7 @@ from servogen.programs import read_schedule
 from servogen.pulse import PulseSchedule
 from servogen.simulator import SimulatorOptions
 from servogen.units import Cycles
-from servogen.workflows.verification import START_FRAMES, checked_cycles, judge_edges
+from servogen.workflows.verification import checked_cycles, judge_edges
 from tests.campaigns import sampled
 from tests.simulator.helpers import image
 
@@ -26,7 +26,7 @@ PHASES = range(4)
 
 
 def edges(schedule: PulseSchedule, program: Image, span: Cycles, phase: int) -> EdgeTrace:
-    limit = Cycles(span + START_FRAMES * schedule.period)
+    limit = schedule.run_cycles(span)
     machine = machine_of(schedule, program, SimulatorOptions(tmr0_phase=phase))
     return EdgeTrace(schedule.clock, machine.stream(limit), limit)
 

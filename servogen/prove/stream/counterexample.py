@@ -36,9 +36,10 @@ from servogen.engines.stream.streaming import Streaming
 from servogen.pic.device import EEPROM_BYTES
 from servogen.pic.image import Image
 from servogen.prove.counterexample import Counterexample, pin_changes
-from servogen.prove.specification import START_FRAMES, Edge
+from servogen.prove.specification import Edge
 from servogen.prove.stream.bits import byte
 from servogen.prove.stream.chip import NOTHING, StreamChip
+from servogen.pulse.schedule import START_FRAMES
 from servogen.simulator import Levels, Machine, SimulatorOptions, Stimuli
 from servogen.simulator.layout import GLITCH
 

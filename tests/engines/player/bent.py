@@ -14,8 +14,7 @@ from pathlib import Path
 from servogen.errors import ServogenError
 from servogen.job import PlannedJob, loads, plan_job
 from servogen.workflows.engines import PlayedJob, planned
-from servogen.workflows.job_build import judged
-from servogen.workflows.verification import checked_cycles
+from servogen.workflows.job_build import judge_firmware
 
 SEED = 777_333
 LEGS = ("LF", "LM", "LB", "RF", "RM", "RB")
@@ -95,7 +94,7 @@ def fitted(planned_job: PlannedJob) -> tuple[PlayedJob, int, bool]:
     played = planned(planned_job)
     firmware = played.make("c2c")
     schedule = played.plan.schedule
-    return played, firmware.compilation.words, judged(schedule, firmware, checked_cycles(schedule)).exact
+    return played, firmware.compilation.words, judge_firmware(schedule, firmware).exact
 
 
 def main(count: int, folder: Path) -> None:

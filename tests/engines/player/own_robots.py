@@ -22,8 +22,7 @@ from servogen.errors import ServogenError
 from servogen.job import PlannedJob, load, plan_job
 from servogen.plan_error import PlanError
 from servogen.workflows.engines import planned
-from servogen.workflows.job_build import BuiltProgram, judged
-from servogen.workflows.verification import checked_cycles
+from servogen.workflows.job_build import BuiltProgram, judge_firmware
 
 PINS = (*(f"RB{bit}" for bit in range(8)), *(f"RA{bit}" for bit in range(4)))
 LEGS = ("L1", "L2", "L3", "R1", "R2", "R3")
@@ -129,8 +128,7 @@ def outcome(robot: Robot) -> Outcome | str:
         return str(error)
     schedule = found.plan.schedule
     assert schedule.plan_error is not None
-    span = checked_cycles(schedule)
-    return Outcome(schedule.plan_error, tuple(judged(schedule, each, span) for each in made))
+    return Outcome(schedule.plan_error, tuple(judge_firmware(schedule, each) for each in made))
 
 
 def main(count: int, seed: int) -> int:

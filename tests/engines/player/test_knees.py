@@ -20,8 +20,7 @@ from servogen.robot.servo import Servo, calibration, servo
 from servogen.robot.servo_models import servo_model
 from servogen.units import Clock
 from servogen.workflows import engines
-from servogen.workflows.job_build import judged
-from servogen.workflows.verification import checked_cycles
+from servogen.workflows.job_build import judge_firmware
 
 CASE = Path(__file__).parent / "cal3" / "cal3-three-points.toml"
 """Twelve servos measured at three points, the middle one up to 48 µs off the line between the others."""
@@ -88,7 +87,7 @@ def test_a_robot_with_three_measured_points_fits_and_is_exact(walk: PlannedJob) 
     played = engines.planned(walk)
     schedule = played.plan.schedule
     assert schedule.plan_error_us <= 10
-    assert judged(schedule, played.make("c2c"), checked_cycles(schedule)).exact
+    assert judge_firmware(schedule, played.make("c2c")).exact
 
 
 def test_a_knee_farther_on_is_seen_in_the_edges(walk: PlannedJob) -> None:
@@ -97,7 +96,7 @@ def test_a_knee_farther_on_is_seen_in_the_edges(walk: PlannedJob) -> None:
     assert scale.bent
     other = replace(played.encoded, scale=replace(scale, knees=scale.knees + 30))
     firmware = compiled(walk, replace(played, encoded=other), "c2c")
-    verdict = judged(schedule, firmware, checked_cycles(schedule)).verdict
+    verdict = judge_firmware(schedule, firmware).verdict
     assert not verdict.passed and any("RF-alpha" in reason for reason in verdict.reasons)
 
 

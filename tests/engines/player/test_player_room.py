@@ -12,8 +12,7 @@ from servogen.engines.player.theorem import LAST_WORDS
 from servogen.job import loads, plan_job
 from servogen.pic.isa import decode
 from servogen.workflows.engines import planned
-from servogen.workflows.job_build import Build, judged, report
-from servogen.workflows.verification import checked_cycles
+from servogen.workflows.job_build import Build, judge_firmware, report
 from tests.campaigns import sampled
 from tests.engines.player.player_jobs import built, built_text, job_text, sweep
 from tests.engines.player.test_player_kernel import VARIABLES, assembled, ram
@@ -33,7 +32,7 @@ def slower(cycles: int) -> Build:
     played = play(done.job)[1]
     made = firmware(text, done.job, played.layout, "c2c")
     schedule = done.plan.schedule
-    return replace(done, programs=(judged(schedule, made, checked_cycles(schedule)),))
+    return replace(done, programs=(judge_firmware(schedule, made),))
 
 
 @pytest.mark.parametrize("name", sampled(["hexapod-tripod", "hexapod-turn", "scara-pick"], 2))

@@ -36,8 +36,8 @@ from servogen.simulator import Levels, Machine, Reset, Stimuli
 from servogen.units import Cycles
 from servogen.verify import verify
 from servogen.workflows.engines import planned
-from servogen.workflows.job_build import Build, build, judged, report
-from servogen.workflows.verification import checked_cycles, judge_edges, judge_forever, motion_cycles, running
+from servogen.workflows.job_build import Build, build, judge_firmware, report
+from servogen.workflows.verification import judge_edges, judge_forever, motion_cycles, running
 from tests.campaigns import sampled
 from tests.engines.stream import stream_soak
 from tests.engines.stream.chip_model import Chip, schedule, widths
@@ -505,7 +505,7 @@ def slower(code: tuple[str, ...]) -> Build:
     text = before_each_pulse(done.programs[0].firmware.text, *only, *code, "not_now:")
     schedule = done.plan.schedule
     made = made_of(text, done.job, "c2c")
-    return replace(done, programs=(judged(schedule, made, checked_cycles(schedule)),))
+    return replace(done, programs=(judge_firmware(schedule, made),))
 
 
 def test_c_that_is_late_once_is_said_for_ever() -> None:
