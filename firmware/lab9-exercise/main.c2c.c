@@ -13,7 +13,7 @@
 /* XT, watchdog off, power-up timer on, no code protection: */
 asm __config 0x3FF1
 
-/* vertical 90 deg: 1500 us, horizontal 67.3 deg: 1437 us */
+/* vertical 90 deg: 1500 us, horizontal 67.38 deg: 1437 us */
 void position_1(unsigned char frames)
 {
     while (1) {
@@ -32,7 +32,7 @@ void position_1(unsigned char frames)
     }
 }
 
-/* vertical 90 deg: 1500 us, horizontal 112.7 deg: 1563 us */
+/* vertical 90 deg: 1500 us, horizontal 112.6 deg: 1563 us */
 void position_2(unsigned char frames)
 {
     while (1) {
@@ -51,7 +51,7 @@ void position_2(unsigned char frames)
     }
 }
 
-/* vertical 126.7 deg: 1602 us, horizontal 112.7 deg: 1563 us */
+/* vertical 126.9 deg: 1602 us, horizontal 112.6 deg: 1563 us */
 void position_3(unsigned char frames)
 {
     while (1) {
@@ -70,7 +70,7 @@ void position_3(unsigned char frames)
     }
 }
 
-/* vertical 126.7 deg: 1602 us, horizontal 67.3 deg: 1437 us */
+/* vertical 126.9 deg: 1602 us, horizontal 67.38 deg: 1437 us */
 void position_4(unsigned char frames)
 {
     while (1) {
@@ -99,11 +99,11 @@ void main(void)
 
     while (1) {
 
-        /* vertical 90 deg: 1500 us, horizontal 67.3 deg: 1437 us, for 0.1 s */
+        /* vertical 90 deg: 1500 us, horizontal 67.38 deg: 1437 us, for 0.1 s */
         position_1(5);
         delay_10us(5); delay_us(7);
 
-        /* vertical 90 deg: 1500 us, horizontal 72 deg: 1450 us */
+        /* vertical 90 deg: 1500 us, horizontal 71.9 deg: 1450 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
         delay_ms(1); delay_10us(49); delay_us(9);
         PORTB = 0x00;   /* vertical low */
@@ -114,7 +114,7 @@ void main(void)
         clear_wdt();
         delay_ms(16); delay_10us(54); delay_us(7);
 
-        /* vertical 90 deg: 1500 us, horizontal 76.3 deg: 1462 us */
+        /* vertical 90 deg: 1500 us, horizontal 76.43 deg: 1462 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
         delay_ms(1); delay_10us(49); delay_us(9);
         PORTB = 0x00;   /* vertical low */
@@ -125,7 +125,7 @@ void main(void)
         clear_wdt();
         delay_ms(16); delay_10us(53); delay_us(5);
 
-        /* vertical 90 deg: 1500 us, horizontal 81 deg: 1475 us */
+        /* vertical 90 deg: 1500 us, horizontal 80.95 deg: 1475 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
         delay_ms(1); delay_10us(49); delay_us(9);
         PORTB = 0x00;   /* vertical low */
@@ -136,7 +136,7 @@ void main(void)
         clear_wdt();
         delay_ms(16); delay_10us(52); delay_us(2);
 
-        /* vertical 90 deg: 1500 us, horizontal 85.3 deg: 1487 us */
+        /* vertical 90 deg: 1500 us, horizontal 85.48 deg: 1487 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
         delay_ms(1); delay_10us(49); delay_us(9);
         PORTB = 0x00;   /* vertical low */
@@ -158,7 +158,7 @@ void main(void)
         clear_wdt();
         delay_ms(16); delay_10us(49); delay_us(7);
 
-        /* vertical 90 deg: 1500 us, horizontal 94.7 deg: 1513 us */
+        /* vertical 90 deg: 1500 us, horizontal 94.52 deg: 1513 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
         delay_ms(1); delay_10us(49); delay_us(9);
         PORTB = 0x00;   /* vertical low */
@@ -169,7 +169,7 @@ void main(void)
         clear_wdt();
         delay_ms(16); delay_10us(48); delay_us(4);
 
-        /* vertical 90 deg: 1500 us, horizontal 99 deg: 1525 us */
+        /* vertical 90 deg: 1500 us, horizontal 99.05 deg: 1525 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
         delay_ms(1); delay_10us(49); delay_us(9);
         PORTB = 0x00;   /* vertical low */
@@ -180,7 +180,7 @@ void main(void)
         clear_wdt();
         delay_ms(16); delay_10us(47); delay_us(2);
 
-        /* vertical 90 deg: 1500 us, horizontal 103.7 deg: 1538 us */
+        /* vertical 90 deg: 1500 us, horizontal 103.6 deg: 1538 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
         delay_ms(1); delay_10us(49); delay_us(9);
         PORTB = 0x00;   /* vertical low */
@@ -191,7 +191,7 @@ void main(void)
         clear_wdt();
         delay_ms(16); delay_10us(45); delay_us(9);
 
-        /* vertical 90 deg: 1500 us, horizontal 108 deg: 1550 us */
+        /* vertical 90 deg: 1500 us, horizontal 108.1 deg: 1550 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
         delay_ms(1); delay_10us(49); delay_us(9);
         PORTB = 0x00;   /* vertical low */
@@ -202,15 +202,15 @@ void main(void)
         clear_wdt();
         delay_ms(16); delay_10us(44); delay_us(3);
 
-        /* vertical 90 deg: 1500 us, horizontal 112.7 deg: 1563 us, for 0.12 s */
+        /* vertical 90 deg: 1500 us, horizontal 112.6 deg: 1563 us, for 0.12 s */
         position_2(6);
         delay_10us(5); delay_us(3);
 
-        /* vertical 126.7 deg: 1602 us, horizontal 112.7 deg: 1563 us, for 0.1 s */
+        /* vertical 126.9 deg: 1602 us, horizontal 112.6 deg: 1563 us, for 0.1 s */
         position_3(5);
         delay_10us(5); delay_us(3);
 
-        /* vertical 126.7 deg: 1602 us, horizontal 67.3 deg: 1437 us, for 0.1 s */
+        /* vertical 126.9 deg: 1602 us, horizontal 67.38 deg: 1437 us, for 0.1 s */
         position_4(5);
         delay_10us(5); delay_us(1);
     }

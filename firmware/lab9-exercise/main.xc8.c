@@ -14,7 +14,7 @@
 #pragma config FOSC = XT, WDTE = OFF, PWRTE = ON, CP = OFF
 #define _XTAL_FREQ 4000000
 
-/* vertical 90 deg: 1500 us, horizontal 67.3 deg: 1437 us */
+/* vertical 90 deg: 1500 us, horizontal 67.38 deg: 1437 us */
 void position_1(unsigned char frames)
 {
     while (1) {
@@ -33,7 +33,7 @@ void position_1(unsigned char frames)
     }
 }
 
-/* vertical 90 deg: 1500 us, horizontal 112.7 deg: 1563 us */
+/* vertical 90 deg: 1500 us, horizontal 112.6 deg: 1563 us */
 void position_2(unsigned char frames)
 {
     while (1) {
@@ -52,7 +52,7 @@ void position_2(unsigned char frames)
     }
 }
 
-/* vertical 126.7 deg: 1602 us, horizontal 112.7 deg: 1563 us */
+/* vertical 126.9 deg: 1602 us, horizontal 112.6 deg: 1563 us */
 void position_3(unsigned char frames)
 {
     while (1) {
@@ -71,7 +71,7 @@ void position_3(unsigned char frames)
     }
 }
 
-/* vertical 126.7 deg: 1602 us, horizontal 67.3 deg: 1437 us */
+/* vertical 126.9 deg: 1602 us, horizontal 67.38 deg: 1437 us */
 void position_4(unsigned char frames)
 {
     while (1) {
@@ -98,11 +98,11 @@ void main(void)
 
     while (1) {
 
-        /* vertical 90 deg: 1500 us, horizontal 67.3 deg: 1437 us, for 0.1 s */
+        /* vertical 90 deg: 1500 us, horizontal 67.38 deg: 1437 us, for 0.1 s */
         position_1(5);
         _delay(57);
 
-        /* vertical 90 deg: 1500 us, horizontal 72 deg: 1450 us */
+        /* vertical 90 deg: 1500 us, horizontal 71.9 deg: 1450 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
         _delay(1499);
         PORTB = 0x00;   /* vertical low */
@@ -113,7 +113,7 @@ void main(void)
         CLRWDT();
         _delay(16547);
 
-        /* vertical 90 deg: 1500 us, horizontal 76.3 deg: 1462 us */
+        /* vertical 90 deg: 1500 us, horizontal 76.43 deg: 1462 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
         _delay(1499);
         PORTB = 0x00;   /* vertical low */
@@ -124,7 +124,7 @@ void main(void)
         CLRWDT();
         _delay(16535);
 
-        /* vertical 90 deg: 1500 us, horizontal 81 deg: 1475 us */
+        /* vertical 90 deg: 1500 us, horizontal 80.95 deg: 1475 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
         _delay(1499);
         PORTB = 0x00;   /* vertical low */
@@ -135,7 +135,7 @@ void main(void)
         CLRWDT();
         _delay(16522);
 
-        /* vertical 90 deg: 1500 us, horizontal 85.3 deg: 1487 us */
+        /* vertical 90 deg: 1500 us, horizontal 85.48 deg: 1487 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
         _delay(1499);
         PORTB = 0x00;   /* vertical low */
@@ -157,7 +157,7 @@ void main(void)
         CLRWDT();
         _delay(16497);
 
-        /* vertical 90 deg: 1500 us, horizontal 94.7 deg: 1513 us */
+        /* vertical 90 deg: 1500 us, horizontal 94.52 deg: 1513 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
         _delay(1499);
         PORTB = 0x00;   /* vertical low */
@@ -168,7 +168,7 @@ void main(void)
         CLRWDT();
         _delay(16484);
 
-        /* vertical 90 deg: 1500 us, horizontal 99 deg: 1525 us */
+        /* vertical 90 deg: 1500 us, horizontal 99.05 deg: 1525 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
         _delay(1499);
         PORTB = 0x00;   /* vertical low */
@@ -179,7 +179,7 @@ void main(void)
         CLRWDT();
         _delay(16472);
 
-        /* vertical 90 deg: 1500 us, horizontal 103.7 deg: 1538 us */
+        /* vertical 90 deg: 1500 us, horizontal 103.6 deg: 1538 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
         _delay(1499);
         PORTB = 0x00;   /* vertical low */
@@ -190,7 +190,7 @@ void main(void)
         CLRWDT();
         _delay(16459);
 
-        /* vertical 90 deg: 1500 us, horizontal 108 deg: 1550 us */
+        /* vertical 90 deg: 1500 us, horizontal 108.1 deg: 1550 us */
         PORTB = 0x01;   /* vertical high for 1500 us */
         _delay(1499);
         PORTB = 0x00;   /* vertical low */
@@ -201,15 +201,15 @@ void main(void)
         CLRWDT();
         _delay(16443);
 
-        /* vertical 90 deg: 1500 us, horizontal 112.7 deg: 1563 us, for 0.12 s */
+        /* vertical 90 deg: 1500 us, horizontal 112.6 deg: 1563 us, for 0.12 s */
         position_2(6);
         _delay(53);
 
-        /* vertical 126.7 deg: 1602 us, horizontal 112.7 deg: 1563 us, for 0.1 s */
+        /* vertical 126.9 deg: 1602 us, horizontal 112.6 deg: 1563 us, for 0.1 s */
         position_3(5);
         _delay(53);
 
-        /* vertical 126.7 deg: 1602 us, horizontal 67.3 deg: 1437 us, for 0.1 s */
+        /* vertical 126.9 deg: 1602 us, horizontal 67.38 deg: 1437 us, for 0.1 s */
         position_4(5);
         _delay(51);
     }

@@ -14,7 +14,7 @@
 /* XT, watchdog off, power-up timer on, no code protection: */
 asm __config 0x3FF1
 
-/* wheel1 124 deg/s: 1583 us, wheel2 -125 deg/s: 1417 us, wheel3 0 deg/s: 1500 us */
+/* wheel1 124 deg/s: 1583 us, wheel2 -124 deg/s: 1417 us, wheel3 0 deg/s: 1500 us */
 void position_1(unsigned char frames)
 {
     while (1) {
@@ -60,7 +60,7 @@ void position_2(unsigned char frames)
     }
 }
 
-/* wheel1 -72 deg/s: 1452 us, wheel2 -72 deg/s: 1452 us, wheel3 142 deg/s: 1595 us */
+/* wheel1 -71.62 deg/s: 1452 us, wheel2 -71.62 deg/s: 1452 us, wheel3 143.2 deg/s: 1595 us */
 void position_3(unsigned char frames)
 {
     while (1) {
@@ -83,7 +83,7 @@ void position_3(unsigned char frames)
     }
 }
 
-/* wheel1 -125 deg/s: 1417 us, wheel2 124 deg/s: 1583 us, wheel3 0 deg/s: 1500 us */
+/* wheel1 -124 deg/s: 1417 us, wheel2 124 deg/s: 1583 us, wheel3 0 deg/s: 1500 us */
 void position_4(unsigned char frames)
 {
     while (1) {
@@ -106,7 +106,7 @@ void position_4(unsigned char frames)
     }
 }
 
-/* wheel1 72 deg/s: 1548 us, wheel2 72 deg/s: 1548 us, wheel3 -142 deg/s: 1405 us */
+/* wheel1 71.62 deg/s: 1548 us, wheel2 71.62 deg/s: 1548 us, wheel3 -143.2 deg/s: 1405 us */
 void position_5(unsigned char frames)
 {
     while (1) {
@@ -139,7 +139,7 @@ void main(void)
 
     while (1) {
 
-        /* wheel1 124 deg/s: 1583 us, wheel2 -125 deg/s: 1417 us, wheel3 0 deg/s: 1500 us, for 3 s */
+        /* wheel1 124 deg/s: 1583 us, wheel2 -124 deg/s: 1417 us, wheel3 0 deg/s: 1500 us, for 3 s */
         position_1(150);
         delay_10us(5); delay_us(3);
 
@@ -147,7 +147,7 @@ void main(void)
         position_2(25);
         delay_10us(5); delay_us(3);
 
-        /* wheel1 -72 deg/s: 1452 us, wheel2 -72 deg/s: 1452 us, wheel3 142 deg/s: 1595 us, for 3 s */
+        /* wheel1 -71.62 deg/s: 1452 us, wheel2 -71.62 deg/s: 1452 us, wheel3 143.2 deg/s: 1595 us, for 3 s */
         position_3(150);
         delay_10us(5); delay_us(3);
 
@@ -155,7 +155,7 @@ void main(void)
         position_2(25);
         delay_10us(5); delay_us(3);
 
-        /* wheel1 -125 deg/s: 1417 us, wheel2 124 deg/s: 1583 us, wheel3 0 deg/s: 1500 us, for 3 s */
+        /* wheel1 -124 deg/s: 1417 us, wheel2 124 deg/s: 1583 us, wheel3 0 deg/s: 1500 us, for 3 s */
         position_4(150);
         delay_10us(5); delay_us(3);
 
@@ -163,7 +163,7 @@ void main(void)
         position_2(25);
         delay_10us(5); delay_us(3);
 
-        /* wheel1 72 deg/s: 1548 us, wheel2 72 deg/s: 1548 us, wheel3 -142 deg/s: 1405 us, for 3 s */
+        /* wheel1 71.62 deg/s: 1548 us, wheel2 71.62 deg/s: 1548 us, wheel3 -143.2 deg/s: 1405 us, for 3 s */
         position_5(150);
         delay_10us(5); delay_us(3);
 

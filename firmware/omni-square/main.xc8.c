@@ -15,7 +15,7 @@
 #pragma config FOSC = XT, WDTE = OFF, PWRTE = ON, CP = OFF
 #define _XTAL_FREQ 4000000
 
-/* wheel1 124 deg/s: 1583 us, wheel2 -125 deg/s: 1417 us, wheel3 0 deg/s: 1500 us */
+/* wheel1 124 deg/s: 1583 us, wheel2 -124 deg/s: 1417 us, wheel3 0 deg/s: 1500 us */
 void position_1(unsigned char frames)
 {
     while (1) {
@@ -61,7 +61,7 @@ void position_2(unsigned char frames)
     }
 }
 
-/* wheel1 -72 deg/s: 1452 us, wheel2 -72 deg/s: 1452 us, wheel3 142 deg/s: 1595 us */
+/* wheel1 -71.62 deg/s: 1452 us, wheel2 -71.62 deg/s: 1452 us, wheel3 143.2 deg/s: 1595 us */
 void position_3(unsigned char frames)
 {
     while (1) {
@@ -84,7 +84,7 @@ void position_3(unsigned char frames)
     }
 }
 
-/* wheel1 -125 deg/s: 1417 us, wheel2 124 deg/s: 1583 us, wheel3 0 deg/s: 1500 us */
+/* wheel1 -124 deg/s: 1417 us, wheel2 124 deg/s: 1583 us, wheel3 0 deg/s: 1500 us */
 void position_4(unsigned char frames)
 {
     while (1) {
@@ -107,7 +107,7 @@ void position_4(unsigned char frames)
     }
 }
 
-/* wheel1 72 deg/s: 1548 us, wheel2 72 deg/s: 1548 us, wheel3 -142 deg/s: 1405 us */
+/* wheel1 71.62 deg/s: 1548 us, wheel2 71.62 deg/s: 1548 us, wheel3 -143.2 deg/s: 1405 us */
 void position_5(unsigned char frames)
 {
     while (1) {
@@ -138,7 +138,7 @@ void main(void)
 
     while (1) {
 
-        /* wheel1 124 deg/s: 1583 us, wheel2 -125 deg/s: 1417 us, wheel3 0 deg/s: 1500 us, for 3 s */
+        /* wheel1 124 deg/s: 1583 us, wheel2 -124 deg/s: 1417 us, wheel3 0 deg/s: 1500 us, for 3 s */
         position_1(150);
         _delay(53);
 
@@ -146,7 +146,7 @@ void main(void)
         position_2(25);
         _delay(53);
 
-        /* wheel1 -72 deg/s: 1452 us, wheel2 -72 deg/s: 1452 us, wheel3 142 deg/s: 1595 us, for 3 s */
+        /* wheel1 -71.62 deg/s: 1452 us, wheel2 -71.62 deg/s: 1452 us, wheel3 143.2 deg/s: 1595 us, for 3 s */
         position_3(150);
         _delay(53);
 
@@ -154,7 +154,7 @@ void main(void)
         position_2(25);
         _delay(53);
 
-        /* wheel1 -125 deg/s: 1417 us, wheel2 124 deg/s: 1583 us, wheel3 0 deg/s: 1500 us, for 3 s */
+        /* wheel1 -124 deg/s: 1417 us, wheel2 124 deg/s: 1583 us, wheel3 0 deg/s: 1500 us, for 3 s */
         position_4(150);
         _delay(53);
 
@@ -162,7 +162,7 @@ void main(void)
         position_2(25);
         _delay(53);
 
-        /* wheel1 72 deg/s: 1548 us, wheel2 72 deg/s: 1548 us, wheel3 -142 deg/s: 1405 us, for 3 s */
+        /* wheel1 71.62 deg/s: 1548 us, wheel2 71.62 deg/s: 1548 us, wheel3 -143.2 deg/s: 1405 us, for 3 s */
         position_5(150);
         _delay(53);
 

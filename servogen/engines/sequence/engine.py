@@ -20,9 +20,12 @@ class SequenceEngine:
 
         @cache
         def make(dialect: str) -> Firmware:
-            from servogen.engines.sequence.tuning import tune  # the compiler: only to make the firmware
+            # The compiler: only to make the firmware.
+            from servogen.engines.sequence.rendering import angle_texts
+            from servogen.engines.sequence.tuning import tune
 
-            return tune(planned.schedule, dialect, job.device, job.name, job.servos)
+            angles = angle_texts(planned.widths, job.servos)
+            return tune(planned.schedule, dialect, job.device, job.name, angles)
 
         return EnginePlan(job.trajectory, planned, make)
 

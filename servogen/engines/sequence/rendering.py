@@ -7,22 +7,35 @@ In: the program and a dialect. Out: the text of one C file.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from servogen.engines.c_text import ChannelText, decimal, header_values, render_template
 from servogen.engines.sequence.programs import FrameEdges, Hold, Sequence, SilentStep, Step
 from servogen.engines.sequence.waits import CALLS
 from servogen.pic.device import Device
-from servogen.pulse import PulseSchedule
+from servogen.pulse import PulseSchedule, Quantised
 from servogen.robot.servo import Servo
 from servogen.units import Clock, Cycles
 
+AngleTexts = Mapping[tuple[str, Cycles], str]
+"""What a comment says beside the pulses of a channel that have this width."""
+
+
+def angle_texts(widths: Iterable[Quantised], servos: Iterable[Servo]) -> AngleTexts:
+    """Return the planned angle of each width; of several, one that is held."""
+    unit = {servo.name: "deg/s" if servo.model.continuous else "deg" for servo in servos}
+    return {
+        (row.channel, row.cycles): f"{math.degrees(row.angle):z.4g} {unit[row.channel]}"
+        for row in sorted(widths, key=lambda row: row.held)
+    }
+
 
 def render(
-    program: Sequence, dialect: str, device: Device, title: str, servos: tuple[Servo, ...] = ()
+    program: Sequence, dialect: str, device: Device, title: str, angles: AngleTexts = MappingProxyType({})
 ) -> str:
-    """Return the C file of `program` in `dialect`; its comments say the angles of `servos`.
+    """Return the C file of `program` in `dialect`; its comments say the `angles`.
 
     Raises RenderError, and InputError for a delay that the dialect cannot express.
     """
@@ -36,18 +49,18 @@ def render(
         positions=[
             _PositionText(
                 f"position_{position.number}",
-                _frame_text(position.frame, program.schedule, servos),
+                _frame_text(position.frame, program.schedule, angles),
                 _lines(position.frame, program.schedule, dialect),
                 _calls(position.gap, dialect, clock),
                 _calls(position.again, dialect, clock),
             )
             for position in program.positions
         ],
-        lead_in=[_step(step, program.schedule, dialect, servos) for step in program.lead_in],
+        lead_in=[_step(step, program.schedule, dialect, angles) for step in program.lead_in],
         counts_turns=any(
             isinstance(step, Hold) and step.turns > 1 for step in (*program.lead_in, *program.loop)
         ),
-        loop=[_step(step, program.schedule, dialect, servos) for step in program.loop],
+        loop=[_step(step, program.schedule, dialect, angles) for step in program.loop],
         long_waits=any(isinstance(step, SilentStep) for step in (*program.lead_in, *program.loop)),
     )
 
@@ -110,13 +123,13 @@ def _lines(frame: FrameEdges, schedule: PulseSchedule, dialect: str) -> tuple[_L
     return tuple(lines)
 
 
-def _step(step: Step, schedule: PulseSchedule, dialect: str, servos: tuple[Servo, ...]) -> _StepText:
+def _step(step: Step, schedule: PulseSchedule, dialect: str, angles: AngleTexts) -> _StepText:
     clock = schedule.clock
     if isinstance(step, SilentStep):
         seconds = decimal(clock.seconds(step.wait))
         return _StepText("", (), f"{seconds} s without pulses", _calls(step.wait, dialect, clock))
     after = _calls(step.after, dialect, clock)
-    comment = _frame_text(step.frame, schedule, servos)
+    comment = _frame_text(step.frame, schedule, angles)
     if step.position:
         seconds = decimal(clock.seconds(step.all_frames * schedule.period))
         call = f"position_{step.position.number}({step.frames});"
@@ -125,27 +138,14 @@ def _step(step: Step, schedule: PulseSchedule, dialect: str, servos: tuple[Servo
     return _StepText("", _lines(step.frame, schedule, dialect), comment, after)
 
 
-def _frame_text(frame: FrameEdges, schedule: PulseSchedule, servos: tuple[Servo, ...]) -> str:
-    by_name = {servo.name: servo for servo in servos}
+def _frame_text(frame: FrameEdges, schedule: PulseSchedule, angles: AngleTexts) -> str:
     texts = []
     for channel, pulse in zip(schedule.channels, frame.run.pulses, strict=True):
         if pulse:
-            servo, width = by_name.get(channel.name), pulse.width
-            angle = f" {_angle(servo, width, schedule.clock)}:" if servo else ""
-            texts.append(f"{channel.name}{angle} {decimal(schedule.clock.us(width))} us")
+            angle = angles.get((channel.name, pulse.width))
+            beside = f" {angle}:" if angle else ""
+            texts.append(f"{channel.name}{beside} {decimal(schedule.clock.us(pulse.width))} us")
     return ", ".join(texts)
-
-
-def _angle(servo: Servo, width: Cycles, clock: Clock) -> str:
-    """Return the angle with the fewest decimals whose pulse has this width: 30 rather than 30.06 deg."""
-    exact = math.degrees(servo.angle(float(clock.us(width))))
-    unit = "deg/s" if servo.model.continuous else "deg"
-    for decimals in range(4):
-        angle = round(exact, decimals)
-        radians = math.radians(angle)
-        if servo.allows(radians) and clock.round_us(servo.width_us(radians)).cycles == width:
-            return f"{angle:zg} {unit}"
-    return f"{exact:z.4g} {unit}"
 
 
 def _calls(cycles: Cycles, dialect: str, clock: Clock) -> str:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import islice
+from types import MappingProxyType
 
 import numpy as np
 
@@ -19,12 +20,11 @@ from servogen.engines.board import board_of
 from servogen.engines.firmware import Firmware, ResourceError
 from servogen.engines.fitting import compiled_to_fit
 from servogen.engines.sequence.programs import DelayPath, Overheads, Sequence
-from servogen.engines.sequence.rendering import render
+from servogen.engines.sequence.rendering import AngleTexts, render
 from servogen.engines.sequence.sequencing import sequence
 from servogen.errors import ServogenError
 from servogen.pic.device import PROGRAM_WORDS, Device
 from servogen.pulse import PulseSchedule
-from servogen.robot.servo import Servo
 from servogen.simulator import Machine
 from servogen.units import Cycles, counted
 
@@ -49,9 +49,13 @@ class TunedFirmware(Firmware):
 
 
 def tune(
-    schedule: PulseSchedule, dialect: str, device: Device, title: str, servos: tuple[Servo, ...] = ()
+    schedule: PulseSchedule,
+    dialect: str,
+    device: Device,
+    title: str,
+    angles: AngleTexts = MappingProxyType({}),
 ) -> TunedFirmware:
-    """Return the firmware of a schedule with every delay corrected; comments say the angles of `servos`.
+    """Return the firmware of a schedule with every delay corrected; comments say the `angles`.
 
     Raises InputError if a delay has no time left, ResourceError if the chip is too small, TuningError if the
     overheads do not settle.
@@ -68,7 +72,7 @@ def tune(
                 hint=SHORTER,
             )
         file = f"main.{dialect}.c"
-        text = render(program, dialect, device, title, servos)
+        text = render(program, dialect, device, title, angles)
         options = Options(dialect=dialect, device=device)
         compilation = compiled_to_fit(text, file, options, title, "the sequence engine", SHORTER)
         measured = measure(program, compilation)

@@ -10,12 +10,13 @@ from hypothesis import strategies as st
 
 from servogen.engines.c_text import DIALECTS, RenderError, _environment
 from servogen.engines.sequence.programs import DelayPath, Overheads
-from servogen.engines.sequence.rendering import render
+from servogen.engines.sequence.rendering import angle_texts, render
 from servogen.engines.sequence.sequencing import sequence
 from servogen.errors import InputError
 from servogen.pic.device import device
 from servogen.pulse import Channel, Pulse, PulseSchedule, Run
 from servogen.pulse.expected import expected
+from servogen.pulse.quantise import quantise
 from servogen.robot.servo import servo
 from servogen.robot.servo_models import servo_model
 from servogen.units import Clock, Cycles
@@ -150,7 +151,9 @@ def test_the_c_says_the_angles_beside_the_widths_as_the_job_states_them() -> Non
     schedule = schedule_of([], [(100, [1167]), (250, [1500]), (150, [1667]), (50, [1001])])
     name = schedule.channels[0].name
     arm = servo(name, "RB0", servo_model("futaba-s3001"))
-    text = render(sequence(schedule, Overheads()), "c2c", device("PIC16F84"), "lab8", (arm,))
+    _, widths = quantise(arm, np.radians([30.0, 30.0, 30.06, 90.0, 120.0, 0.2]), schedule.clock)
+    angles = angle_texts(widths, (arm,))
+    text = render(sequence(schedule, Overheads()), "c2c", device("PIC16F84"), "lab8", angles)
     for said in ("30 deg: 1167 us", "90 deg: 1500 us", "120 deg: 1667 us", "0.2 deg: 1001 us"):
         assert f"/* {name} {said}" in text
 
