@@ -113,6 +113,6 @@ def _angles(servos: Sequence[Servo], text: str) -> Floats:
             raise InputError(
                 "bad-angle", f"'{value}' is not an angle in degrees", hint=f"{name}=90"
             ) from None
-        servos[by_name[name]].width_us(angle)
+        servos[by_name[name]].check(angle)
         angles[by_name[name]] = angle
     return angles

@@ -224,7 +224,7 @@ def _check_travel(job: Job, section: Section | None, angles: Floats) -> None:
     for servo, column in zip(job.servos, angles.T, strict=True):
         if not np.isnan(column).all():
             for angle in (float(np.nanmin(column)), float(np.nanmax(column))):
-                servo.width_us(angle, place)
+                servo.check(angle, place)
 
 
 def _check_soft_start(job: Job, planned: PlannedPoses) -> None:

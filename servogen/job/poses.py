@@ -223,7 +223,7 @@ class _Reader:
             if servo.name in angles:
                 both = f"{_key_of(servo)} and {servo.name}{WIDTH}"
                 raise self.document.error("conflicting-keys", here, f"{both} both place {servo.name}")
-            servo.width_us(angle, self.document.place(*here))
+            servo.check(angle, self.document.place(*here))
             angles[servo.name] = angle
         return angles
 

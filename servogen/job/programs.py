@@ -86,7 +86,7 @@ def _hand(
         raise document.error("wrong-servo-kind", key, f"'{name}' turns continuously: a hand needs angles")
     opened, closed = math.radians(table.hand.open_deg), math.radians(table.hand.closed_deg)
     for end, angle in (("open_deg", opened), ("closed_deg", closed)):
-        by_name[name].width_us(angle, document.place("program", "hand", end))
+        by_name[name].check(angle, document.place("program", "hand", end))
     return Hand(HAND, opened, closed, by_name[name].model.speed)
 
 

@@ -17,7 +17,7 @@ from servogen.recordings.recording import MAX_SAMPLES, RecordedMotion, recording
 
 TIMES = ("time_s", "time", "t")
 UNIT = re.compile(r"(.+)_(deg|rad|us)")
-NOT_ANGLES = re.compile(r".*(_mm|_width_us|_ground)|[xyz]_mm")
+NOT_ANGLES = re.compile(r".*_(mm|width_us|ground)")
 """Columns of servogen's own tables that no servo is told by."""
 
 MAX_NUMBER = 1e9
@@ -59,9 +59,9 @@ def _columns(header: list[str], file: str) -> tuple[int, list[int]]:
         if index != time and not NOT_ANGLES.fullmatch(name) and name
     ]
     if time is None or not columns:
-        missing = "a column time_s" if time is None else "a column of a servo"
+        missing = "column time_s" if time is None else "column of a servo"
         raise InputError(
-            "csv-syntax", f"has not {missing}", Location(file, 1), "the first line is time_s,<servo>_deg,…"
+            "csv-syntax", f"has no {missing}", Location(file, 1), "the first line is time_s,<servo>_deg,…"
         )
     return time, columns
 

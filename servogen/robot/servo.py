@@ -236,8 +236,13 @@ class Servo:
         low, high = self.limits
         return np.asarray((angles >= low - TOLERANCE_RAD) & (angles <= high + TOLERANCE_RAD))
 
-    def width_us(self, angle: float, place: Location | None = None) -> float:
+    def width_us(self, angle: float) -> float:
         """Return the pulse width in µs at a shaft angle in radians. Raises InputError outside the limits."""
+        self.check(angle)
+        return self._width_us(angle)
+
+    def check(self, angle: float, place: Location | None = None) -> None:
+        """Raise InputError, at `place`, for an angle (radians) outside the limits."""
         if not self.allows(angle):
             low, high = (self.model.shown(limit) for limit in self.limits)
             what = ("turn at", "speeds are") if self.model.continuous else ("go to", "travel is")
@@ -247,7 +252,6 @@ class Servo:
                 place or self.place,
                 "the servo's calibration points set it" if self.model.continuous else self.limited_by,
             )
-        return self._width_us(angle)
 
     def angle(self, width_us: float) -> float:
         """Return the shaft angle in radians commanded by a width, even beyond the limits (for
