@@ -9,6 +9,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from servogen.simulator.devices import OnPins, PinDevice, on_pins
+    from servogen.simulator.eeprom24 import EEPROM24
     from servogen.simulator.machine import Machine, Observation, Snapshot, Stimulus
     from servogen.simulator.observe import Profile, Spent, TraceRow, profile, trace
     from servogen.simulator.options import SimulatorOptions
@@ -23,6 +25,8 @@ if TYPE_CHECKING:
     from servogen.simulator.warnings import CHIP_DEPENDENT
 
 _HOMES = {
+    "devices": ("OnPins", "PinDevice", "on_pins"),
+    "eeprom24": ("EEPROM24",),
     "recurrence": ("NoRepeat", "Repeat", "find_repeat"),
     "machine": ("Machine", "Observation", "Snapshot", "Stimulus"),
     "options": ("SimulatorOptions",),
@@ -40,6 +44,7 @@ _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
     "CHIP_DEPENDENT",
+    "EEPROM24",
     "BouncingButton",
     "FirstChip",
     "LevelChange",
@@ -48,8 +53,10 @@ __all__ = [
     "MachineState",
     "NoRepeat",
     "Observation",
+    "OnPins",
     "PairedMachine",
     "Periodic",
+    "PinDevice",
     "Profile",
     "Recorded",
     "Repeat",
@@ -67,6 +74,7 @@ __all__ = [
     "Wired",
     "find_repeat",
     "load_stimuli",
+    "on_pins",
     "parse_stimuli",
     "profile",
     "record",

@@ -115,7 +115,12 @@ DRIVEN_UNKNOWN = _table.add("DRIVEN_UNKNOWN", Future.VALUE, other_chips=True)
 PULSED = _table.add("PULSED", Future.VALUE, other_chips=True)
 RELEASED = _table.add("RELEASED", Future.VALUE, other_chips=True)
 PULLED_UP = _table.add("PULLED_UP", Future.VALUE, other_chips=True)
-RA4_PULLED_UP = _table.add("RA4_PULLED_UP")
+# The pins with a resistor to the supply; what devices on the pins do: see devices.py.
+RESISTORS = _table.add("RESISTORS", bits=ALL_PINS)
+DEVICES = _table.add("DEVICES")
+DEVICE_PINS = _table.add("DEVICE_PINS")
+DEVICE_TOLD = _table.add("DEVICE_TOLD")
+DEVICE_LOW = _table.add("DEVICE_LOW", Future.STIMULUS)
 FLOATING = _table.add("FLOATING")
 
 # The stack and its statistics.

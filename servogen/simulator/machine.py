@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence, Set
 from copy import copy
 from dataclasses import dataclass, field, replace
 from itertools import tee
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +21,7 @@ from servogen.pic.device import PROGRAM_WORDS, RAM_FIRST, RAM_LAST
 from servogen.pic.image import Image
 from servogen.simulator import layout as at
 from servogen.simulator.core import Loop, loop
+from servogen.simulator.devices import Bus, Running
 from servogen.simulator.fingerprint import fingerprint, shift, unknown_bits
 from servogen.simulator.options import SimulatorOptions
 from servogen.simulator.regions import Code, fast_code, marked_code, program_code
@@ -77,6 +78,8 @@ class Snapshot:
     changes: Iterator[tuple[int, Packed]] | None
     """The remaining changes of the stimulus; never advanced itself."""
     edges: Packed
+    devices: tuple[Any, ...] = ()
+    """The states of the devices on the pins."""
 
 
 class Stimulus(Protocol):
@@ -113,6 +116,8 @@ class Machine:
         self.breakpoints: set[int] = set()
         """Addresses before whose instruction `run` and `stream` stop."""
         self._s = power_up(image, clock, options, tracked)
+        self._bus = Bus(options.devices, clock)
+        self._s[at.DEVICES] = self._bus.address
         self._tracked = tracked
         self._plain = program_code(image)
         self._fast = fast_code(self._plain)
@@ -165,6 +170,11 @@ class Machine:
         """Return what the chip drives each pin to, as in its edges."""
         driven, high = int(self._s[at.DRIVEN]), int(self._s[at.DRIVEN_HIGH])
         return tuple(high >> pin & 1 if driven >> pin & 1 else UNDRIVEN for pin in range(len(PINS)))
+
+    @property
+    def devices(self) -> tuple[Running, ...]:
+        """Return the devices on the pins as they are now, in the order of the options."""
+        return self._bus.devices
 
     @property
     def pull_ups(self) -> bool:
@@ -225,11 +235,13 @@ class Machine:
     @property
     def chip_dependent(self) -> tuple[Diagnostic, ...]:
         """Return the warnings that other chips may behave differently, in order of cycles."""
-        warnings = warnings_of(self._s, self.image, self.clock)
-        return tuple(warning for warning in warnings if warning.code in CHIP_DEPENDENT)
+        return tuple(warning for warning in self._warnings() if warning.code in CHIP_DEPENDENT)
 
     def state(self) -> MachineState:
-        return state_of(self._s, warnings_of(self._s, self.image, self.clock))
+        return state_of(self._s, self._warnings())
+
+    def _warnings(self) -> tuple[Diagnostic, ...]:
+        return warnings_of(self._s, self.image, self.clock, remarks=self._bus.remarks)
 
     def contents(self) -> Image:
         """Return the current contents of the chip: the image, with the EEPROM as the program has left it."""
@@ -239,7 +251,7 @@ class Machine:
         """Return bytes that are equal for two states of one image, clock and options if both behave
         identically without stimulus.
         """
-        return fingerprint(self._s)
+        return fingerprint(self._s) + self._bus.relative(self.cycles)
 
     def unknown(self) -> bytes:
         """Return the state of unknown values as bytes; if these and the fingerprints are equal, the same uses
@@ -288,6 +300,7 @@ class Machine:
             stimulus=self._stim,
             changes=copy(self._changes),
             edges=edges,
+            devices=self._bus.snapshot(),
         )
 
     def restore(self, snapshot: Snapshot) -> None:
@@ -298,6 +311,8 @@ class Machine:
         if snapshot.image != self.image:
             raise ValueError("the snapshot is of another image")
         self._s[:] = snapshot.state
+        self._s[at.DEVICES] = self._bus.address
+        self._bus.restore(snapshot.devices)
         self._stim = snapshot.stimulus
         self._changes = copy(snapshot.changes)
         self._edges[: len(snapshot.edges)] = snapshot.edges
@@ -313,10 +328,13 @@ class Machine:
 
     @staticmethod
     def repeats(first: Snapshot, second: Snapshot) -> bool:
-        """Return whether only time tells two moments apart (`recurrence`), and no stimulus is to come."""
+        """Return whether only time tells two moments apart (`recurrence`), and no stimulus is to come.
+
+        With a device on the pins this is not decided.
+        """
         last, known = second.state, second.state[at.STIM_KNOWN]
         done = known == at.NEVER and last[at.STIM_NEXT] >= last[at.STIM_COUNT]
-        return bool(done) and fingerprint(first.state) == fingerprint(last)
+        return bool(done) and not second.devices and fingerprint(first.state) == fingerprint(last)
 
     def apply(self, changes: Sequence[LevelChange]) -> None:
         """Add changes from outside to what the stimulus still has to supply, after its own in each cycle.

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from servogen.errors import InputError, did_you_mean
 from servogen.pic.device import DEVICES, RAM_FIRST, RAM_LAST, device
-from servogen.simulator.layout import ROWS
+from servogen.simulator.devices import OnPins
+from servogen.simulator.layout import RA4, ROWS
 
 START_VALUES = {
     "ram": 0xFF,
@@ -65,6 +66,8 @@ class SimulatorOptions:
     RB7 are first compared."""
     start: tuple[tuple[str, int], ...] = ()
     """Values at power-up, by names of `START_VALUES`, that override those; the last one of a name applies."""
+    devices: tuple[OnPins, ...] = ()
+    """Devices on pins, each with a resistor to the supply at its pins."""
 
     def __post_init__(self) -> None:
         for name, low, high in (
@@ -92,6 +95,16 @@ class SimulatorOptions:
             raise InputError(
                 "out-of-range", f"eeprom_write_us = {self.eeprom_write_us} is not between 1 and 1000000"
             )
+
+    @property
+    def device_pins(self) -> frozenset[int]:
+        """Return the pins that devices are on."""
+        return frozenset(pin for device in self.devices for pin in device.pins)
+
+    @property
+    def resistors(self) -> int:
+        """Return the pins with a resistor to the supply, as bits."""
+        return sum(1 << pin for pin in self.device_pins) | (RA4 if self.ra4_pull_up else 0)
 
     @property
     def eeprom_us(self) -> int:

@@ -22,14 +22,13 @@ from servogen.pic.device import (
 )
 from servogen.pic.image import Image
 from servogen.simulator import layout as at
-from servogen.simulator.layout import INTF, RB4_TO_7, ROWS, T0IF, UNCERTAIN
+from servogen.simulator.layout import INTF, RA4, RB4_TO_7, ROWS, T0IF, UNCERTAIN
 from servogen.simulator.options import SimulatorOptions
 from servogen.simulator.slots import ALL_PINS, SlotFacts
 from servogen.units import Clock
 
 OST_PERIODS, PERIODS_PER_CYCLE = 1024, 4
 """Oscillator start-up timer: DS35007 section 6.6."""
-RA4 = 1 << 4
 START: dict[str, SlotFacts] = {row.start: row for row in ROWS if row.start}
 """The row of each start value beside the RAM."""
 POSTSCALER = 128
@@ -50,8 +49,9 @@ def power_up(image: Image, clock: Clock, options: SimulatorOptions, tracked: boo
     if tracked:
         _note_unknown(s, options)
     s[at.START_UP] = start_up if options.oscillator_start_up else 0
-    s[at.RA4_PULLED_UP] = options.ra4_pull_up
-    s[at.PINS] = (s[at.FLOATING] | (0x10 if options.ra4_pull_up else 0)) & ALL_PINS
+    s[at.RESISTORS] = options.resistors
+    s[at.DEVICE_PINS] = sum(1 << pin for pin in options.device_pins)
+    s[at.PINS] = s[at.DEVICE_TOLD] = s[at.FLOATING] | options.resistors
     shortest = min(options.watchdog_us, WATCHDOG_US[0])
     s[at.WDT_PERIOD] = clock.round_us(options.watchdog_us).cycles if config & CONFIG_WATCHDOG_ON else 0
     s[at.WDT_SHORTEST] = clock.round_us(shortest).cycles if config & CONFIG_WATCHDOG_ON else 0
@@ -109,5 +109,5 @@ def _note_unknown(s: State, options: SimulatorOptions) -> None:
         s[address] |= (0xFF | address << 8) << at.UNKNOWN_SHIFT
     for row, mask in UNCERTAIN:
         s[mask] = row.undefined | row.source << 8
-    s[at.PINS_UNKNOWN] = ALL_PINS & ~(RA4 if options.ra4_pull_up else 0)
-    s[at.INTCON_UNKNOWN] |= INTF | (0 if options.ra4_pull_up else T0IF)
+    s[at.PINS_UNKNOWN] = ALL_PINS & ~options.resistors
+    s[at.INTCON_UNKNOWN] |= INTF | (0 if options.resistors & RA4 else T0IF)

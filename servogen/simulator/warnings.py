@@ -6,6 +6,8 @@ and the clock. Out: diagnostics with cycle and address, in order of cycles.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
@@ -72,6 +74,7 @@ CHIP_DEPENDENT = frozenset(
         "driven-before-written",
         "pulled-up",
         "contention",
+        "device-timing",
         "undefined-word",
         "stack-underflow",
         "watchdog-margin",
@@ -99,11 +102,15 @@ _SOURCES = {row.source: row.source_name for row in at.ROWS if row.source} | {at.
 
 
 def warnings_of(
-    s: npt.NDArray[np.int64], image: Image, clock: Clock, of_no_interest: int = 0
+    s: npt.NDArray[np.int64],
+    image: Image,
+    clock: Clock,
+    of_no_interest: int = 0,
+    remarks: Sequence[tuple[int, Diagnostic]] = (),
 ) -> tuple[Diagnostic, ...]:
     """Return the warnings in a state vector; pins affected by the same instruction share one warning.
 
-    The level of the pins `of_no_interest`, as bits, may be anything.
+    The level of the pins `of_no_interest`, as bits, may be anything. `remarks` are those of devices.
     """
     places: dict[tuple[int, int, int, int], list[str]] = {}
     for code, subject, cycle, place in noted(s):
@@ -113,7 +120,7 @@ def warnings_of(
             places.setdefault((code, cycle, place, 0), []).append(PINS[subject])
         else:
             places[code, cycle, place, subject] = []
-    dated = [(0, warning) for warning in _oscillator(image, clock)]
+    dated = [(0, warning) for warning in _oscillator(image, clock)] + list(remarks)
     dated += [(int(s[at.USE_CYCLE]), warning) for warning in _first_use(s)]
     for (code, cycle, place, subject), pins in places.items():
         kind, text = _WORDS[code]

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import partial
 from heapq import heappop, heappush
@@ -41,6 +41,7 @@ from servogen.pic.image import Image
 from servogen.pic.isa import decode
 from servogen.pic.listing import Listing
 from servogen.simulator import BouncingButton, LevelChange, Levels, Serial, SimulatorOptions, Stimuli
+from servogen.simulator.devices import PinDevice, Running, on_pins
 from servogen.simulator.layout import MCLR_PIN
 from servogen.simulator.pin_levels import at_the_pins
 from servogen.simulator.sources import whole
@@ -244,6 +245,26 @@ class Chip(Signals):
             self._check_connectable(frozenset((pin_index(row), pin_index(column))))
         return keypad
 
+    # Devices on the pins
+
+    def attach(self, device: PinDevice, **pins: str) -> None:
+        """Connect a device, before the first run, by the names of its lines, each with a pull-up resistor:
+        `chip.attach(EEPROM24(b"..."), scl="RA0", sda="RA1")`.
+        """
+        if self.cycle > 0:
+            raise InputError("not-allowed", f"it is {self._now_words}: attach a device before the first run")
+        options = self.board.options
+        placed = on_pins(device, **pins)
+        self.board = replace(self.board, options=replace(options, devices=(*options.devices, placed)))
+        self._power_up(self.board.image)
+
+    @property
+    def devices(self) -> tuple[Running, ...]:
+        """Return the attached devices as they are now, in the order of `attach`; an EEPROM has its content in
+        `memory`.
+        """
+        return self._machine.machine.devices
+
     # The serial line
 
     def send(
@@ -349,7 +370,15 @@ class Chip(Signals):
         self._advance(end + 1)
 
     def power_cycle(self) -> None:
-        """Switch the supply off and on: only the EEPROM is kept, and time begins again."""
+        """Switch the supply off and on: only the EEPROM is kept, and what devices on the pins keep; time
+        begins again.
+        """
+        options = self.board.options
+        kept = [
+            replace(placed, device=running.off())
+            for placed, running in zip(options.devices, self.devices, strict=True)
+        ]
+        self.board = replace(self.board, options=replace(options, devices=tuple(kept)))
         self._power_up(self._machine.machine.contents())
 
     # What was seen

@@ -196,7 +196,7 @@ def test_pull_ups_hold_what_nothing_else_does(any_input: int) -> None:
         latch, doubt, w = rng.getrandbits(13), rng.getrandbits(13) & rng.getrandbits(13), rng.randrange(256)
         tris, held, level = rng.getrandbits(13), rng.getrandbits(13), rng.getrandbits(13)
         for slot, value in (
-            (at.OPTION, option), (at.RA4_PULLED_UP, pulled), (at.FLOATING, floating), (at.LATCH, latch),
+            (at.OPTION, option), (at.RESISTORS, RA4 * pulled), (at.FLOATING, floating), (at.LATCH, latch),
             (at.LATCH_UNKNOWN, doubt), (at.TRIS, tris), (at.EXT_MASK, held), (at.EXT_LEVEL, level & held),
             (at.W, w), (at.W_UNKNOWN, 0), (at.ANY_INPUT, any_input),
         ):  # fmt: skip

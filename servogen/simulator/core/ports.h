@@ -2,7 +2,7 @@
 
    DS35007 section 4. A latch and a pin are two things: an instruction reads the pin, and writes the latch.
    RA4 is an open drain (section 4.1): with its latch at 1 nothing drives it. Levels of pins that nobody
-   drives: port B's weak pull-ups when RBPU is 0 (section 4.2), else `floating`. */
+   drives: port B's weak pull-ups when RBPU is 0 (section 4.2), resistors on the board, else `floating`. */
 
 #ifndef PORTS_H
 #define PORTS_H
@@ -17,10 +17,13 @@ enum {
     T0CKI_DELAY = 1, /* cycles from an edge of T0CKI to its count: 3 to 7 oscillator periods (figure 6-5) */
 };
 
+/* Returns the pins that the devices on them pull low, once these have their levels, from `cycle`. */
+typedef i64 (*React)(i64 cycle, i64 pins);
+
 /* Returns the pins with a pull-up that is on. */
 static inline i64 pull_ups(const Chip *s)
 {
-    return (s->option & RBPU ? 0 : PORT_B) | (s->ra4_pulled_up ? RA4 : 0);
+    return (s->option & RBPU ? 0 : PORT_B) | s->resistors;
 }
 
 /* Sets RBIF while an input of RB4 to RB7 differs from the value last read (DS35007 section 4.2). */
@@ -72,18 +75,18 @@ static void note_released(Chip *s)
 }
 
 /* Computes the levels of the pins from latches, directions and the outside world, from `cycle`. */
-static void settle(Chip *s, i64 cycle)
+static void settle_levels(Chip *s, i64 cycle)
 {
     i64 driven = ~s->tris & ALL_PINS;
     if (s->latch & RA4)
         driven &= ~RA4; /* an open drain: a latch of 1 releases the pin */
-    i64 outside = s->ext_mask;
-    if (outside & driven & (s->ext_level ^ s->latch)) /* the chip and the outside drive different levels */
-        warn_pins(s, WARN_CONTENTION, outside & driven & (s->ext_level ^ s->latch));
+    i64 outside = s->ext_mask | s->device_low, outside_level = s->ext_level & ~s->device_low;
+    if (outside & driven & (outside_level ^ s->latch)) /* the chip and the outside drive different levels */
+        warn_pins(s, WARN_CONTENTION, outside & driven & (outside_level ^ s->latch));
     if (s->pulsed)
         note_released(s);
     i64 resting = s->floating | pull_ups(s);
-    i64 level = (resting & ~outside) | (s->ext_level & outside);
+    i64 level = (resting & ~outside) | outside_level;
     level = (level & ~driven) | (s->latch & driven);
     i64 changed = level ^ s->pins;
     s->pins = level;
@@ -107,11 +110,33 @@ static void settle(Chip *s, i64 cycle)
     }
 }
 
+/* Tells the devices on the pins of their new levels until they answer the same. */
+RARE void tell_devices(Chip *s, i64 cycle)
+{
+    React react = (React)(intptr_t)s->devices;
+    while ((s->pins ^ s->device_told) & s->device_pins) {
+        s->device_told = s->pins;
+        i64 low = react(cycle, s->pins & s->device_pins);
+        if (low == s->device_low)
+            return;
+        s->device_low = low;
+        settle_levels(s, cycle);
+    }
+}
+
+/* Settles the levels of the pins, and what devices on them answer in the same cycle. */
+static void settle(Chip *s, i64 cycle)
+{
+    settle_levels(s, cycle);
+    if (s->device_pins)
+        tell_devices(s, cycle);
+}
+
 /* Records every change of a driven pin, in pin order, as made by the instruction of `cycle`. */
 static void emit(Chip *s, i64 *edges, i64 cycle)
 {
     i64 driven = ~s->tris & ALL_PINS;
-    if (s->latch & RA4 && !s->ra4_pulled_up)
+    if (s->latch & RA4 && !(s->resistors & RA4))
         driven &= ~RA4;
     i64 high = s->latch & driven;
     i64 changed = (driven ^ s->driven) | (high ^ s->driven_high);
