@@ -78,7 +78,7 @@ class Snapshot:
     changes: Iterator[tuple[int, Packed]] | None
     """The remaining changes of the stimulus; never advanced itself."""
     edges: Packed
-    devices: tuple[Any, ...] = ()
+    devices: tuple[Any, ...]
     """The states of the devices on the pins."""
 
 
