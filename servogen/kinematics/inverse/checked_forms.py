@@ -20,7 +20,14 @@ from servogen.errors import InputError, did_you_mean
 from servogen.kinematics import catalogue
 from servogen.kinematics.forward import BLOCK, fk, whole_chain
 from servogen.kinematics.inverse import numerical
-from servogen.kinematics.inverse.closed_forms import CLOSED_FORMS, DIVISORS, Branch, TargetComponents
+from servogen.kinematics.inverse.closed_forms import (
+    CLOSED_FORMS,
+    DIVISORS,
+    Branch,
+    ClosedForm,
+    TargetComponents,
+)
+from servogen.kinematics.inverse.meeting_axes import meeting_axes, meeting_axes_branches
 from servogen.kinematics.transforms import Floats, frame_matrix, inverse
 from servogen.robot.model import Arm, FixedFrame
 
@@ -41,13 +48,18 @@ BESIDE_AXIS_M = 1e-6
 
 
 def has_closed_form(arm: Arm, oriented: bool) -> bool:
-    """Return whether `arm` is solved in closed form; a tool that moves the tip needs an orientation for it.
+    """Return whether `arm` is solved in closed form: by the one that it names, or because its axes meet.
 
     Raises InputError for an arm with an unknown form, or with the form of other rows than it has.
     """
+    return _closed_form(arm, oriented) is not None
+
+
+def _closed_form(arm: Arm, oriented: bool) -> ClosedForm | None:
+    """Return the form that solves `arm`; a tool that moves the tip needs an orientation for it."""
     form = arm.closed_form
     if form is None:
-        return False
+        return meeting_axes_branches if oriented and meeting_axes(arm) else None
     if form not in CLOSED_FORMS:
         raise InputError("unknown-name", f"no closed form '{form}'", hint=did_you_mean(form, CLOSED_FORMS))
     owner = catalogue.arm(form)
@@ -58,9 +70,9 @@ def has_closed_form(arm: Arm, oriented: bool) -> bool:
             hint=f'write like = "{form}", or leave closed_form out: the numerical method takes any rows',
         )
     if any(arm.length[name] == 0.0 for name in DIVISORS.get(form, ())):
-        return False
+        return None
     tool = arm.tool
-    return oriented or (tool.x == tool.y == tool.z == 0.0)
+    return CLOSED_FORMS[form] if oriented or (tool.x == tool.y == tool.z == 0.0) else None
 
 
 def closed_solutions(
@@ -86,7 +98,8 @@ def closed_solutions(
 
 def _branches(arm: Arm, target: TargetComponents, tolerance: float, hard: bool) -> Floats:
     """Return the solutions of one block, components last: (branches, n, m)."""
-    candidates: list[Branch] = CLOSED_FORMS[arm.closed_form or ""](arm, target)
+    form = _closed_form(arm, target.n is not None)
+    candidates: list[Branch] = form(arm, target) if form else []
     q = np.empty((len(candidates), len(arm.joints), target.p[0].size))
     for branch, values in enumerate(candidates):
         for column, value in enumerate(values):

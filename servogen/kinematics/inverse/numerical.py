@@ -10,7 +10,7 @@ along the limit. For a target that cannot be reached the result is therefore a n
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,6 +23,8 @@ from servogen.robot.model import Arm
 
 ITERATIONS = 60
 """The maximum number of steps from one start."""
+SOME_ITERATIONS, ARRIVING = 25, 0.01
+"""The number of steps after which a descent that will arrive is within this (metres, radians)."""
 FEW_ITERATIONS = 15
 """The number of steps for joint positions that are nearly right."""
 STARTS = 40
@@ -33,6 +35,16 @@ BEND = 0.1
 """The part of a step at which its curvature is measured."""
 BENT = 1e-5
 """Half of the radians or metres over which the curvature of a distance is measured."""
+ROUND, ROUNDS = 128, 8
+"""The random starts in which a new solution is looked for, and the maximum number of such rounds."""
+MOST = 16
+"""The maximum number of isolated solutions of six joints, after Primrose, "On the input-output equation of
+the general 7R mechanism" (Mechanism and Machine Theory 21, 1986). More are a few of infinitely many.
+"""
+APART = 1e-4
+"""Solutions whose joints all differ by less than this (radians, metres) are one, found twice: where the arm
+is singular, descents stop at different places beside it.
+"""
 SEED = 1984
 """The seed of the random starts: the same targets give the same answers."""
 
@@ -101,6 +113,64 @@ def search(
         best_error[:, open_[better]] = error[:, better]
         open_ = open_[~(best_error[:, open_] <= tolerance).all(axis=0)]
     return NumericalSolution(best, best_error[0], best_error[1])
+
+
+def isolated(arm: Arm, oriented: bool) -> bool:
+    """Return whether an arm has no more joints than a target determines, so that solutions are isolated."""
+    return len(arm.joints) <= (6 if oriented else 3)
+
+
+def every(arm: Arm, position: Floats, rotation: Floats | None, near: ArrayLike, tolerance: float) -> Floats:
+    """Return the solutions (k, n) within the limits of one target, of an arm whose solutions are isolated.
+
+    Descents from `near` and from rounds of random starts, until a round meets no solution that is new. The
+    descents ignore the limits of turning joints: a limit in the way stops many that would arrive within it.
+    """
+    lower, upper = limits(arm)
+    turning = np.array([joint.turning for joint in arm.joints])
+    middle = (lower + upper) / 2
+    low, high = np.where(turning, middle - np.pi, lower), np.where(turning, middle + np.pi, upper)
+    wide = replace(
+        arm,
+        joints=tuple(
+            replace(joint, lower=least, upper=most)
+            for joint, least, most in zip(arm.joints, low.tolist(), high.tolist(), strict=True)
+        ),
+    )
+    random = np.random.default_rng(SEED)
+    met = np.empty((0, len(lower)))
+    starts = np.asarray(near, float)[None]
+    for _ in range(ROUNDS):
+        starts = np.vstack([starts, random.uniform(low, high, (ROUND, len(low)))])
+        q, known = _meeting(wide, starts, position, rotation, tolerance), len(met)
+        for one in q:
+            between = np.where(turning, wrapped(met - one), met - one)
+            if (np.abs(between).max(axis=1) > APART).all():
+                met = np.vstack([met, one])
+        if len(met) == known:
+            break
+        if len(met) > MOST:
+            met = met[: MOST + 1]
+            break
+        starts = starts[:0]
+    within = met[((met > lower - APART) & (met < upper + APART)).all(axis=1)]
+    return _meeting(arm, np.clip(within, lower, upper), position, rotation, tolerance)
+
+
+def _meeting(arm: Arm, starts: Floats, position: Floats, rotation: Floats | None, tolerance: float) -> Floats:
+    """Return the ends of the descents from `starts` (k, n) that meet the target.
+
+    Nearly all that will arrive are close after a few steps; only those take more.
+    """
+    q = starts
+    for iterations, limit in ((SOME_ITERATIONS, ARRIVING), (ITERATIONS, tolerance)):
+        if not len(q):
+            break
+        places = np.broadcast_to(position, (len(q), 3))
+        turns = None if rotation is None else np.broadcast_to(rotation, (len(q), 3, 3))
+        q = _descend(arm, q, places, turns, 1e-10, iterations)
+        q = q[(_errors(arm, q, places, turns) <= limit).all(axis=0)]
+    return q
 
 
 def improved(

@@ -39,6 +39,9 @@ from servogen.robot.model import Arm
 NUMERICAL_TOLERANCE = 1e-7
 """The tolerance of the numerical method, which converges slowly where the arm is nearly singular."""
 
+FEW_STARTS = 8
+"""The starts after which every solution of a target is looked for."""
+
 TYPED_M = 1e-5
 """How far a typed target may be from the surface that an arm with few joints reaches: the digits left out."""
 
@@ -132,7 +135,8 @@ def solve(
 ) -> Solutions:
     """Return all solutions of all targets in closed form.
 
-    Without a closed form, the numerical method gives one; it searches from `near` (else home) first.
+    Without a closed form, the numerical method gives one; it searches from `near` (else home) first. What a
+    few starts do not meet is given up only after every solution was looked for.
     """
     position, rotation = _checked(position, rotation)
     shape = position.shape[:-1]
@@ -141,13 +145,19 @@ def solve(
     if has_closed_form(arm, rotation is not None):
         q = closed_solutions(arm, flat, turns, TOLERANCE if tolerance is None else tolerance, hard=True)
     else:
-        start = None if near is None else np.broadcast_to(near, (*shape, len(arm.joints)))
+        start = np.broadcast_to(arm.home if near is None else near, (*shape, len(arm.joints)))
+        start = start.reshape(-1, len(arm.joints))
+        isolated = numerical.isolated(arm, turns is not None)
         approached = numerical.search(
-            arm, flat, turns, None if start is None else start.reshape(-1, len(arm.joints))
+            arm, flat, turns, start, starts=FEW_STARTS if isolated else numerical.STARTS
         )
-        q = np.where(approached.within(tolerance or NUMERICAL_TOLERANCE)[:, None], approached.q, np.nan)[
-            :, None, :
-        ]
+        met = approached.within(tolerance or NUMERICAL_TOLERANCE)
+        q = np.where(met[:, None], approached.q, np.nan)
+        for index in np.flatnonzero(~met) if isolated else ():
+            found = _numerical(arm, flat[index], None if turns is None else turns[index], start[index])
+            if len(found):
+                q[index] = Solutions(arm, found).choose(start[index])
+        q = q[:, None, :]
     return Solutions(arm, q.reshape(*shape, *q.shape[1:]))
 
 
@@ -226,15 +236,21 @@ def ik_all(
     if has_closed_form(arm, turn is not None):
         solutions = solve(arm, target, turn, tolerance)
     else:
-        # The numerical method has no list of branches: many starts find those that there are.
-        starts = np.vstack([arm.home if near is None else np.asarray(near, float), _spread(arm, 31)])
-        turns = None if turn is None else np.broadcast_to(turn, (len(starts), 3, 3))
-        met = numerical.search(arm, np.broadcast_to(target, (len(starts), 3)), turns, starts, starts=1)
-        solutions = Solutions(arm, met.q[met.within(NUMERICAL_TOLERANCE)])
+        solutions = Solutions(arm, _numerical(arm, target, turn, arm.home if near is None else near))
     q = solutions.every_turn()
     if not len(q):
         raise why_unreachable(arm, target, turn)
     return sorted_without_doubles(arm, q, near)
+
+
+def _numerical(arm: Arm, target: Floats, turn: Floats | None, near: ArrayLike) -> Floats:
+    """Return the solutions (k, n) of one target that many starts find."""
+    if numerical.isolated(arm, turn is not None):
+        return numerical.every(arm, target, turn, near, NUMERICAL_TOLERANCE)
+    starts = np.vstack([np.asarray(near, float), _spread(arm, 31)])
+    turns = None if turn is None else np.broadcast_to(turn, (len(starts), 3, 3))
+    met = numerical.search(arm, np.broadcast_to(target, (len(starts), 3)), turns, starts, starts=1)
+    return np.asarray(met.q[met.within(NUMERICAL_TOLERANCE)])
 
 
 def free_joints(arm: Arm, solutions: Floats, oriented: bool) -> tuple[str, ...]:
