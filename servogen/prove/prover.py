@@ -36,7 +36,7 @@ from servogen.prove.specification import OVER, Specification
 from servogen.prove.tables import UndecidedTrims
 from servogen.prove.transitions import Transitions
 from servogen.prove.trim_pulses import WrongEdge
-from servogen.prove.trims import Trimmed, TrimProof
+from servogen.prove.trims import TrimProof, TrimResult
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import START_FRAMES
 from servogen.simulator import Machine, SimulatorOptions
@@ -188,7 +188,7 @@ class _Prover:
         shown = runs.search(suspect)
         return replace(plain, proven=False, counterexample=shown, reason="" if shown else reason)
 
-    def _trimmed(self, generaliser: Generaliser, written: frozenset[int]) -> Trimmed:
+    def _trimmed(self, generaliser: Generaliser, written: frozenset[int]) -> TrimResult:
         """Return what is proven for any content of the EEPROM. Raises UndecidedTrims, WrongEdge."""
         # NOPs only: what the timers do while so many cycles pass.
         idle = self._abstract_chip(

@@ -1,7 +1,7 @@
-"""Bytes that depend on the EEPROM's, as tables, and the ways that a run takes for each value in them.
+"""Bytes that depend on the EEPROM's, as tables, and the runs for each value in them.
 
-In: tables, and the outcomes of runs, one row for each combination of what tables say. Out: `Ways`, from which
-another table is read off; `WaysMemory`, which finds the ways of all states that agree in what runs read.
+In: tables, and the outcomes of runs, one row for each combination of what tables say. Out: `RunTable`, from
+which another table is read off; `RunMemory`, which finds the runs of all states that agree in what runs read.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Key = TypeVar("Key")
 VALUES = 256
 """Values of a byte of the EEPROM."""
 CLASSES = (1, 1 << 16, 1 << 11)
-"""How many different values a byte's tables may have in the ways from one address, alone or in a pair."""
+"""How many different values a byte's tables may have in the runs from one address, alone or in a pair."""
 
 
 class UndecidedTrims(Exception):
@@ -36,13 +36,13 @@ class ByteTable:
     cells: tuple[int, ...]
     """Which bytes of the EEPROM."""
     values: Ints
-    source: Ways | None = None
+    source: RunTable | None = None
     rows: Ints | None = None
-    """Of two bytes: the ways that made it, and the number of the way for each pair."""
+    """Of two bytes: the runs that made it, and the row of the run for each pair."""
 
 
-class Ways:
-    """The ways from one state, by what tables say: one row for each combination that has been run."""
+class RunTable:
+    """The runs from one state, by what tables say: one row for each combination that has been run."""
 
     def __init__(self, example: Ram, classes: int) -> None:
         self.example = example
@@ -53,18 +53,18 @@ class Ways:
         self.edges: dict[tuple[int, int], Ints] = {}
         self.rest: Rest = ()
         self.fit = True
-        self.single = True
-        """Whether all ways end in the same state, apart from the RAM and the time."""
+        self.same_end = True
+        """Whether all runs end in the same state, apart from the RAM and the time."""
 
-    def copied(self, example: Ram) -> Ways:
-        """Return the same ways for another RAM, which may have more of its own."""
-        other = copy(self)
-        other.example, other.row_of = example, self.row_of.copy()
-        other.ram, other.edges = dict(self.ram), dict(self.edges)
-        return other
+    def copied_for(self, example: Ram) -> RunTable:
+        """Return the same runs for another RAM, which may have more of its own."""
+        second = copy(self)
+        second.example, second.row_of = example, self.row_of.copy()
+        second.ram, second.edges = dict(self.ram), dict(self.edges)
+        return second
 
-    def differing(self) -> list[int]:
-        """Return the places in the RAM that all ways write, with known values that are not all the same."""
+    def varying_places(self) -> list[int]:
+        """Return the places in the RAM that all runs write, with known values that are not all the same."""
         return [
             place
             for place, column in self.ram.items()
@@ -72,7 +72,7 @@ class Ways:
         ]
 
     def add(self, classes: Ints, lanes: Lanes) -> None:
-        """Note the ways of `classes`."""
+        """Note the runs of `classes`."""
         before = len(self.cycles)
         self.row_of[classes] = before + np.arange(len(classes))
         self.cycles = np.concatenate([self.cycles, lanes.cycles])
@@ -82,8 +82,8 @@ class Ways:
         self.fit = self.fit and bool(lanes.fit.all())
         self.read |= frozenset(lanes.read)
         for rest in lanes.rests:
-            self.rest = joined(self.rest, rest) if self.rest else rest
-            self.single = self.single and bool(self.rest)
+            self.rest = join_rests(self.rest, rest) if self.rest else rest
+            self.same_end = self.same_end and bool(self.rest)
 
 
 def _appended(
@@ -103,28 +103,28 @@ _MASKS = {mask: value for value, mask in _BYTES.items()}
 _BITS = {FIELD[name]: UNCERTAIN[name].bits for name in MERGED}
 
 
-def joined(one: Rest, other: Rest) -> Rest:
+def join_rests(first: Rest, second: Rest) -> Rest:
     """Return a state beside the RAM that contains both, but for the time; () if they differ in more."""
-    if one == other:
-        return one
-    cells = list(one)
-    for number, (a, b) in enumerate(zip(one, other, strict=True)):
+    if first == second:
+        return first
+    cells = list(first)
+    for number, (a, b) in enumerate(zip(first, second, strict=True)):
         if a == b or number in _LOOSE:
             continue
         if number not in _BYTES and number not in _MASKS:
             return ()
         value, mask = (number, _BYTES[number]) if number in _BYTES else (_MASKS[number], number)
-        unknown = (one[mask] | other[mask] | one[value] ^ other[value]) & _BITS[value]
-        cells[mask], cells[value] = unknown, one[value] & ~unknown
+        unknown = (first[mask] | second[mask] | first[value] ^ second[value]) & _BITS[value]
+        cells[mask], cells[value] = unknown, first[value] & ~unknown
     return tuple(cells)
 
 
 @dataclass
-class WaysMemory:
-    """The ways from the states that agree in everything that their runs read."""
+class RunMemory:
+    """The runs from the states that agree in everything that they read."""
 
     read: frozenset[int] = frozenset()
-    found: dict[tuple[int, ...], Ways] = field(default_factory=dict)
+    found: dict[tuple[int, ...], RunTable] = field(default_factory=dict)
     classes: dict[int, dict[bytes, int]] = field(default_factory=dict)
     """By byte of the EEPROM: what its tables say, numbered."""
 
@@ -133,12 +133,12 @@ class WaysMemory:
         return tuple(ram[place] for place in sorted(self.read))
 
     def note(self, read: frozenset[int]) -> None:
-        """Note that runs read more bytes: the remembered ways get longer keys."""
+        """Note that runs read more bytes: the remembered ones get longer keys."""
         if not self.read.issuperset(read):
             self.read |= read
-            self.found = {self.key(ways.example): ways for ways in self.found.values()}
+            self.found = {self.key(runs.example): runs for runs in self.found.values()}
 
-    def numbered(self, cells: tuple[int, ...], tables: Collection[ByteTable]) -> Ints:
+    def class_numbers(self, cells: tuple[int, ...], tables: Collection[ByteTable]) -> Ints:
         """Return a number for each value or pair of values, the same where the tables say the same.
 
         Raises UndecidedTrims.
@@ -151,25 +151,25 @@ class WaysMemory:
             classes = [known.setdefault(row.tobytes(), len(known)) for row in rows]
             if len(known) > CLASSES[len(cells)]:
                 raise UndecidedTrims(f"byte {cell} of the EEPROM makes too many different values")
-            numbers = numbers * CLASSES[len(cells)] + along(np.array(classes), axis, len(cells))
+            numbers = numbers * CLASSES[len(cells)] + broadcast_along(np.array(classes), axis, len(cells))
         return numbers
 
 
-def along(values: Ints, axis: int, axes: int) -> Ints:
+def broadcast_along(values: Ints, axis: int, axes: int) -> Ints:
     """Return values that belong to one of several bytes, for all their combinations."""
     shape = [1] * axes
     shape[axis] = VALUES
     return np.broadcast_to(values.reshape(shape), (VALUES,) * axes)
 
 
-def spread(table: ByteTable, cells: tuple[int, ...]) -> Ints:
+def broadcast_table(table: ByteTable, cells: tuple[int, ...]) -> Ints:
     """Return what a table says for each combination of the values of `cells`."""
     if table.cells == cells:
         return table.values
-    return along(table.values, cells.index(table.cells[0]), len(cells))
+    return broadcast_along(table.values, cells.index(table.cells[0]), len(cells))
 
 
-def table_of(values: Ints, cells: tuple[int, ...], ways: Ways, rows: Ints) -> ByteTable:
+def table_of(values: Ints, cells: tuple[int, ...], runs: RunTable, rows: Ints) -> ByteTable:
     """Return the table of a byte, of one byte of the EEPROM if it is enough."""
     if len(cells) == 1:
         return ByteTable(cells, values)
@@ -177,4 +177,4 @@ def table_of(values: Ints, cells: tuple[int, ...], ways: Ways, rows: Ints) -> By
         return ByteTable(cells[:1], values[:, 0])
     if (values == values[:1]).all():
         return ByteTable(cells[1:], values[0])
-    return ByteTable(cells, values, ways, rows)
+    return ByteTable(cells, values, runs, rows)

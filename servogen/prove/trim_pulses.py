@@ -15,7 +15,7 @@ import numpy as np
 
 from servogen.edges import PINS
 from servogen.engines.stream.protocol import trim_cycles
-from servogen.prove.tables import VALUES, Ints, along
+from servogen.prove.tables import VALUES, Ints, broadcast_along
 from servogen.pulse import PulseSchedule
 
 TRIMS = np.array([trim_cycles(byte) for byte in range(VALUES)], dtype=np.int64)
@@ -45,7 +45,7 @@ class Position:
     done: frozenset[int] = frozenset()
     """Channels whose pulse in this frame has been."""
 
-    def moved(self, cycles: int) -> Position:
+    def delayed(self, cycles: int) -> Position:
         """Return the position so much later in the same frame."""
         return Position(self.frame, self.time + cycles, self.done)
 
@@ -53,7 +53,7 @@ class Position:
 NOT_BEGUN = Position()
 
 
-class _Due(NamedTuple):
+class _ComingPulse(NamedTuple):
     """A pulse that has not been."""
 
     ahead: int
@@ -86,7 +86,7 @@ class TrimPulses:
         """Return the byte of each channel that has one."""
         return {channel: byte for channel, byte in self.bytes.items() if byte != NO_BYTE}
 
-    def begun(self, position: Position, edges: Edges) -> Position:
+    def first_frame(self, position: Position, edges: Edges) -> Position:
         """Return the position in the first frame with pulses, if these edges begin the first pulse."""
         rises = [column[column >= 0] for (_, level), column in edges.items() if level]
         first = [int(column.min()) for column in rises if column.size]
@@ -96,7 +96,7 @@ class TrimPulses:
         offset = min(pulse[0] for pulse in self._frames[frame] if pulse)
         return Position(frame, offset - min(first))
 
-    def after(
+    def after_edges(
         self, position: Position, edges: Edges, cells: tuple[int, ...], cycles: int, spread: int
     ) -> Position:
         """Return the position `cycles` cycles later, for the earliest chip; the latest is `spread` behind.
@@ -106,7 +106,7 @@ class TrimPulses:
         if position.frame < 0:
             return position
         matched = set()
-        due = {(self._pins[pulse.channel], pulse.rise): pulse for pulse in self._due(position)}
+        due = {(self._pins[pulse.channel], pulse.rise): pulse for pulse in self._coming_pulses(position)}
         for pin in sorted({pin for (pin, _), column in edges.items() if (column >= 0).any()}):
             rise, fall = edges.get((pin, 1)), edges.get((pin, 0))
             if rise is not None and (rise < 0).all():
@@ -114,15 +114,19 @@ class TrimPulses:
             first = -1 if rise is None else int(rise.flat[0])
             pulse = due.get((pin, position.time + first))
             if rise is None or fall is None or pulse is None or (rise != first).any():
-                other = 0 if rise is None else int(np.argmax(rise != first))
+                index = 0 if rise is None else int(np.argmax(rise != first))
                 message = f"a pulse on {PINS[pin]} is not the schedule's"
-                raise WrongEdge(message, _content(cells, other), position.frame)
+                raise WrongEdge(message, _eeprom_bytes(cells, index), position.frame)
             self._compare(pulse, fall - first - pulse.width, cells, position.frame + pulse.ahead)
             matched.add((pulse.ahead, pulse.channel))
-        return self.later(position, cycles, spread, matched)
+        return self.advance(position, cycles, spread, matched)
 
-    def later(
-        self, position: Position, cycles: int, spread: int = 0, matched: Collection[tuple[int, int]] = ()
+    def advance(
+        self,
+        position: Position,
+        cycles: int,
+        spread: int = 0,
+        matched: Collection[tuple[int, int]] = (),
     ) -> Position:
         """Return the position so much later. No pulse may be due meanwhile but `matched`: pairs of the frame,
         0 or 1 for the next, and channel. Raises WrongEdge.
@@ -130,23 +134,23 @@ class TrimPulses:
         if position.frame < 0:
             return position
         frame, end = position.frame, position.time + cycles
-        for pulse in self._due(position):
+        for pulse in self._coming_pulses(position):
             if pulse.rise < end + spread and (pulse.ahead, pulse.channel) not in matched:
                 raise WrongEdge(f"the rise of {PINS[self._pins[pulse.channel]]} is missing", {}, frame)
         done = position.done | {channel for ahead, channel in matched if not ahead}
         following = frozenset(channel for ahead, channel in matched if ahead)
         while end >= self._period:
             self.played.add(frame)
-            frame, end = self._following(frame), end - self._period
+            frame, end = self._frame_after(frame), end - self._period
             done, following = following, frozenset()
         return Position(frame, end, done)
 
-    def _compare(self, pulse: _Due, longer: Ints, cells: tuple[int, ...], frame: int) -> None:
+    def _compare(self, pulse: _ComingPulse, excess: Ints, cells: tuple[int, ...], frame: int) -> None:
         """Compare by how much pulses are longer than planned with the trims. Raises WrongEdge."""
         known = self.bytes.get(pulse.channel)
-        differs = {NO_BYTE: longer != 0}
+        differs = {NO_BYTE: excess != 0}
         for axis, cell in enumerate(cells):
-            differs[cell] = longer != along(TRIMS, axis, len(cells))
+            differs[cell] = excess != broadcast_along(TRIMS, axis, len(cells))
         message = f"the fall of {PINS[self._pins[pulse.channel]]} is not where the EEPROM wants it"
         if known is not None and known not in differs:
             # The length of this pulse does not depend on its byte.
@@ -156,21 +160,21 @@ class TrimPulses:
         options = [known] if known is not None else [*differs]
         fewest, cell = min((int(np.count_nonzero(differs[option])), option) for option in options)
         if fewest:
-            raise WrongEdge(message, _content(cells, int(np.argmax(differs[cell]))), frame)
+            raise WrongEdge(message, _eeprom_bytes(cells, int(np.argmax(differs[cell]))), frame)
         self.bytes[pulse.channel] = cell
 
-    def _due(self, position: Position) -> Iterator[_Due]:
+    def _coming_pulses(self, position: Position) -> Iterator[_ComingPulse]:
         """Yield the pulses of this frame that have not been, and those of the next."""
-        for ahead, frame in enumerate((position.frame, self._following(position.frame))):
+        for ahead, frame in enumerate((position.frame, self._frame_after(position.frame))):
             for channel, pulse in enumerate(self._frames[frame]):
                 if pulse is not None and (ahead or channel not in position.done):
-                    yield _Due(ahead, channel, pulse[0] + ahead * self._period, pulse[1])
+                    yield _ComingPulse(ahead, channel, pulse[0] + ahead * self._period, pulse[1])
 
-    def _following(self, frame: int) -> int:
+    def _frame_after(self, frame: int) -> int:
         return frame + 1 if frame + 1 < len(self._frames) else self._loop
 
 
-def _content(cells: tuple[int, ...], index: int) -> dict[int, int]:
+def _eeprom_bytes(cells: tuple[int, ...], index: int) -> dict[int, int]:
     """Return the bytes of the EEPROM that a pair, or a value, stands for."""
     values = np.unravel_index(index, (VALUES,) * len(cells)) if cells else ()
     return {cell: int(value) for cell, value in zip(cells, values, strict=True)}

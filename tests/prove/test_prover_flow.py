@@ -19,7 +19,7 @@ from servogen.prove.prover import AS_IN_THE_FILE, Proof, prove_for_all
 from servogen.prove.quantifiers import EVERYTHING, Quantifiers
 from servogen.prove.tables import UndecidedTrims
 from servogen.prove.trim_pulses import WrongEdge
-from servogen.prove.trims import Trimmed
+from servogen.prove.trims import TrimResult
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import (
     ButtonRule,
@@ -215,13 +215,13 @@ class Trials:
 
 
 def any_eeprom(
-    monkeypatch: pytest.MonkeyPatch, outcome: Trimmed | Exception, result: SearchResult = CLOSED
+    monkeypatch: pytest.MonkeyPatch, outcome: TrimResult | Exception, result: SearchResult = CLOSED
 ) -> tuple[Proof, list[Any]]:
     """The answer for any EEPROM if the search has this result, and the proof of trims this one."""
     asked: list[Any] = []
 
     def trim_proof(*arguments: Any) -> Any:
-        def prove(starts: Any) -> Trimmed:
+        def prove(starts: Any) -> TrimResult:
             asked.append(starts)
             if isinstance(outcome, Exception):
                 raise outcome
@@ -239,7 +239,7 @@ def any_eeprom(
 
 def test_a_proof_for_any_eeprom_names_the_trims_in_place_of_the_file(monkeypatch: pytest.MonkeyPatch) -> None:
     plain, _ = answered(monkeypatch, [CLOSED])
-    found, _ = any_eeprom(monkeypatch, Trimmed({0: 5}, 200, 4))
+    found, _ = any_eeprom(monkeypatch, TrimResult({0: 5}, 200, 4))
     assert found.proven and found.runs == plain.runs + 200
     assert set(plain.assumptions) - set(found.assumptions) == {AS_IN_THE_FILE}
     (trims,) = set(found.assumptions) - set(plain.assumptions)
@@ -260,20 +260,20 @@ def test_what_is_wrong_with_some_eeprom_is_shown_or_not_decided(monkeypatch: pyt
     found, _ = any_eeprom(monkeypatch, wrong)
     assert (found.proven, found.reason, found.counterexample) == (False, "", shown)
     monkeypatch.setattr(Trials, "erased_shows", shown)
-    found, asked = any_eeprom(monkeypatch, Trimmed({}, 1, 1))
+    found, asked = any_eeprom(monkeypatch, TrimResult({}, 1, 1))
     assert (found.proven, found.counterexample, asked) == (False, shown, [])
 
 
 def test_other_interrupts_than_the_timer_s_are_not_decided_for_any_eeprom(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    found, asked = any_eeprom(monkeypatch, Trimmed({0: 5}, 200, 4), replace(CLOSED, asynchronous=True))
+    found, asked = any_eeprom(monkeypatch, TrimResult({0: 5}, 200, 4), replace(CLOSED, asynchronous=True))
     assert (found.proven, found.reason) == (False, "any EEPROM: something other than TMR0 interrupts")
     assert not asked
 
 
 def test_only_what_is_proven_is_asked_about_any_eeprom(monkeypatch: pytest.MonkeyPatch) -> None:
-    found, asked = any_eeprom(monkeypatch, Trimmed({}, 1, 1), UNDECIDED)
+    found, asked = any_eeprom(monkeypatch, TrimResult({}, 1, 1), UNDECIDED)
     assert found.reason.startswith("too many ways") and not asked
 
 

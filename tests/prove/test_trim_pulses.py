@@ -9,7 +9,7 @@ import pytest
 
 from servogen.edges import PINS
 from servogen.engines.stream.protocol import trim_cycles
-from servogen.prove.tables import along
+from servogen.prove.tables import broadcast_along
 from servogen.prove.trim_pulses import NO_BYTE, NOT_BEGUN, TRIMS, Position, TrimPulses, WrongEdge
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import Channel, Pulse, Run
@@ -48,42 +48,42 @@ def test_the_trims_are_those_of_the_protocol() -> None:
 
 def test_time_passes_from_frame_to_frame_only_with_the_pulses_that_are_due() -> None:
     pulses = TrimPulses(SCHEDULE)
-    assert pulses.later(NOT_BEGUN, 10**6) == NOT_BEGUN
+    assert pulses.advance(NOT_BEGUN, 10**6) == NOT_BEGUN
     first = Position(2, 100, frozenset({0}))
-    assert pulses.later(first, 2400) == Position(2, 2500, frozenset({0}))
+    assert pulses.advance(first, 2400) == Position(2, 2500, frozenset({0}))
     missing: tuple[str, dict[int, int], int] = ("the rise of RB1 is missing", {}, 2)
-    assert wrong(lambda: pulses.later(first, 2401)) == missing
-    assert wrong(lambda: pulses.later(first, 2400, 1)) == missing, "the latest chip would be past it"
-    assert pulses.later(first, 2401, 0, {(0, 1)}) == Position(2, 2501, frozenset({0, 1}))
+    assert wrong(lambda: pulses.advance(first, 2401)) == missing
+    assert wrong(lambda: pulses.advance(first, 2400, 1)) == missing, "the latest chip would be past it"
+    assert pulses.advance(first, 2401, 0, {(0, 1)}) == Position(2, 2501, frozenset({0, 1}))
     both = Position(2, 100, frozenset({0, 1}))
-    assert pulses.later(both, PERIOD - 101).frame == 2 and not pulses.played
-    assert pulses.later(both, PERIOD - 100) == Position(3, 0) and pulses.played == {2}
+    assert pulses.advance(both, PERIOD - 101).frame == 2 and not pulses.played
+    assert pulses.advance(both, PERIOD - 100) == Position(3, 0) and pulses.played == {2}
     # A pulse of the next frame that has been is done there; behind the last frame the loop begins again.
-    assert pulses.later(Position(3), PERIOD + 7, 0, {(1, 0)}) == Position(2, 7, frozenset({0}))
+    assert pulses.advance(Position(3), PERIOD + 7, 0, {(1, 0)}) == Position(2, 7, frozenset({0}))
     assert pulses.played == {2, 3}
     # The lead-in's first frame is followed by its second, in which nothing is due on RB1.
     done = Position(0, 5, frozenset({0}))
-    assert pulses.later(done, PERIOD - 5) == Position(1)
-    assert wrong(lambda: pulses.later(done, PERIOD - 4)) == ("the rise of RB0 is missing", {}, 0)
+    assert pulses.advance(done, PERIOD - 5) == Position(1)
+    assert wrong(lambda: pulses.advance(done, PERIOD - 4)) == ("the rise of RB0 is missing", {}, 0)
 
 
 def test_a_position_moves_within_its_frame() -> None:
-    assert Position(1, 5, frozenset({0})).moved(7) == Position(1, 12, frozenset({0}))
+    assert Position(1, 5, frozenset({0})).delayed(7) == Position(1, 12, frozenset({0}))
 
 
 def test_the_first_rise_fixes_when_the_first_frame_begins() -> None:
     """Its rise is in cycle 0 of its frame."""
     pulses, one = TrimPulses(SCHEDULE), np.array([70])
     edges = pulse(RB0, one, 1000)
-    assert pulses.begun(NOT_BEGUN, {}) == NOT_BEGUN == pulses.begun(NOT_BEGUN, {(RB0, 0): one})
-    assert pulses.begun(NOT_BEGUN, {(RB0, 1): np.array([-1])}) == NOT_BEGUN, "there is no such edge"
-    begun = pulses.begun(NOT_BEGUN, edges)
-    assert begun == Position(0, -70) and pulses.begun(Position(2, 9), edges) == Position(2, 9)
-    assert pulses.after(begun, edges, (), 1500, 0) == Position(0, 1430, frozenset({0}))
+    assert pulses.first_frame(NOT_BEGUN, {}) == NOT_BEGUN == pulses.first_frame(NOT_BEGUN, {(RB0, 0): one})
+    assert pulses.first_frame(NOT_BEGUN, {(RB0, 1): np.array([-1])}) == NOT_BEGUN, "there is no such edge"
+    begun = pulses.first_frame(NOT_BEGUN, edges)
+    assert begun == Position(0, -70) and pulses.first_frame(Position(2, 9), edges) == Position(2, 9)
+    assert pulses.after_edges(begun, edges, (), 1500, 0) == Position(0, 1430, frozenset({0}))
     assert pulses.bytes == {0: NO_BYTE} and pulses.trims == {}
-    assert pulses.after(NOT_BEGUN, {(RB0, 0): one}, (), 1500, 0) == NOT_BEGUN
+    assert pulses.after_edges(NOT_BEGUN, {(RB0, 0): one}, (), 1500, 0) == NOT_BEGUN
     # A pulse in another frame, or of another pin, than the first frame's.
-    assert wrong(lambda: pulses.after(begun, pulse(RB1, one, 1000), (), 1500, 0)) == (
+    assert wrong(lambda: pulses.after_edges(begun, pulse(RB1, one, 1000), (), 1500, 0)) == (
         "a pulse on RB1 is not the schedule's", {}, 0
     )  # fmt: skip
 
@@ -92,11 +92,11 @@ def test_a_pulse_is_the_schedule_s_for_every_value_of_its_byte() -> None:
     """Of frame 2, which begins after 70 cycles: 1200 cycles on RB0 and the trim in byte 7."""
     pulses, there, rise = TrimPulses(SCHEDULE), Position(2, -70), EVERY + 70
     due = pulse(RB0, rise, 1200 + LONGER)
-    assert pulses.after(there, due, (7,), 1500, 0) == Position(2, 1430, frozenset({0}))
+    assert pulses.after_edges(there, due, (7,), 1500, 0) == Position(2, 1430, frozenset({0}))
     assert pulses.bytes == {0: 7} == pulses.trims
     # In the frame before the one in which it is.
     ahead = {key: column + PERIOD - 70 for key, column in due.items()}
-    assert pulses.after(Position(3), ahead, (7,), PERIOD + 1500, 0) == Position(2, 1500, frozenset({0}))
+    assert pulses.after_edges(Position(3), ahead, (7,), PERIOD + 1500, 0) == Position(2, 1500, frozenset({0}))
     late, fall = rise.copy(), due[RB0, 0].copy()
     late[5] += 1
     fall[9] += 1
@@ -110,10 +110,10 @@ def test_a_pulse_is_the_schedule_s_for_every_value_of_its_byte() -> None:
         (pulse(RB1, rise, 1200 + EVERY), "a pulse on RB1 is not the schedule's", {7: 0}),
         ({**due, (RB0, 0): fall}, "the fall of RB0 is not where the EEPROM wants it", {7: 9}),
     ):
-        found = wrong(lambda edges=edges: pulses.after(there, edges, (7,), 1500, 0))
+        found = wrong(lambda edges=edges: pulses.after_edges(there, edges, (7,), 1500, 0))
         assert found == (message, content, 2)
     # An edge that there is not moves nothing; the pulse that is due is missing then.
-    assert wrong(lambda: pulses.after(there, {(RB0, 1): none, (RB0, 0): none}, (7,), 1500, 0)) == (
+    assert wrong(lambda: pulses.after_edges(there, {(RB0, 1): none, (RB0, 0): none}, (7,), 1500, 0)) == (
         "the rise of RB0 is missing", {}, 2
     )  # fmt: skip
 
@@ -124,21 +124,21 @@ def test_the_first_pulse_of_a_channel_shows_which_byte_is_its_trim_and_later_one
     def both(one: Any, two: Any, cells: tuple[int, ...] = (7,), at: Position = there) -> None:
         rise = np.zeros(np.broadcast(one, two).shape, dtype=np.int64)
         edges = pulse(RB0, rise, 1200 + one) | pulse(RB1, rise + 2500, 1500 + two)
-        pulses.after(at, edges, cells, 5000, 0)
+        pulses.after_edges(at, edges, cells, 5000, 0)
 
     both(LONGER, EVERY)
     assert pulses.bytes == {0: 7, 1: NO_BYTE} and pulses.trims == {0: 7}
     both(LONGER, EVERY)
-    other = LONGER.copy()
-    other[0x55] += 1
+    index = LONGER.copy()
+    index[0x55] += 1
     fall = "the fall of RB0 is not where the EEPROM wants it"
-    assert wrong(lambda: both(other, EVERY)) == (fall, {7: 0x55}, 2)
+    assert wrong(lambda: both(index, EVERY)) == (fall, {7: 0x55}, 2)
     assert wrong(lambda: both(EVERY, EVERY)) == (fall, {7: 1}, 2), "its length does not depend on it"
     assert wrong(lambda: both(EVERY, EVERY, (8,))) == (fall, {7: 1}, 2), "nor on another byte"
     assert wrong(lambda: both(LONGER, LONGER))[0] == fall.replace("RB0", "RB1"), "it had no trim before"
     # Of two bytes, the one that explains the lengths.
     pulses = TrimPulses(SCHEDULE)
-    first, second = along(LONGER, 0, 2), along(LONGER, 1, 2)
+    first, second = broadcast_along(LONGER, 0, 2), broadcast_along(LONGER, 1, 2)
     both(second, first, (2, 5))
     assert pulses.trims == {0: 5, 1: 2}
     assert wrong(lambda: both(first, first, (2, 5))) == (fall, {2: 0, 5: 1}, 2), "byte 5 lengthens nothing"
@@ -149,7 +149,7 @@ def test_the_first_pulse_of_a_channel_shows_which_byte_is_its_trim_and_later_one
 
 def test_a_pulse_that_no_byte_changes_has_no_trim_even_where_a_byte_is_read() -> None:
     pulses = TrimPulses(SCHEDULE)
-    pulses.after(Position(0), pulse(RB0, EVERY, 1000), (7,), 5000, 0)
+    pulses.after_edges(Position(0), pulse(RB0, EVERY, 1000), (7,), 5000, 0)
     assert pulses.bytes == {0: NO_BYTE}
-    call = wrong(lambda: pulses.after(Position(1), pulse(RB0, EVERY, 1000 + LONGER), (7,), 5000, 0))
+    call = wrong(lambda: pulses.after_edges(Position(1), pulse(RB0, EVERY, 1000 + LONGER), (7,), 5000, 0))
     assert call == ("the fall of RB0 is not where the EEPROM wants it", {7: 1}, 1)
