@@ -23,7 +23,7 @@ import numpy as np
 
 from servogen.engines.firmware import ResourceError
 from servogen.engines.player.playing import DATA_BYTES, ideal_widths
-from servogen.engines.player.poses import reduced
+from servogen.engines.player.poses import reduce_to_moves
 from servogen.engines.player.script import MAX_BYTES
 from servogen.errors import InputError, Location, ServogenError, did_you_mean
 from servogen.job import Job, PlannedJob, plan_job
@@ -178,7 +178,7 @@ def poses_text(motion: RecordedMotion, job: Job, tolerance_us: float) -> list[st
     )
     rows, far = ideal_widths(trajectory, job.servos, job.clock), tolerance_us / float(job.clock.cycle_us)
     moves = [_Move(0, 0, "linear", hold=1)]
-    for first, end, law in reduced(rows, far, ("quintic", "trapezoid")):
+    for first, end, law in reduce_to_moves(rows, far, ("quintic", "trapezoid")):
         if law != "stay":
             moves.append(_Move(end, end - first, LAWS[law]))
             continue

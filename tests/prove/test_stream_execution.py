@@ -163,17 +163,17 @@ def test_a_counter_skips_only_where_it_becomes_0(name: str, step: int, last: int
 
 def test_what_is_unknown_goes_both_ways_if_both_are_possible() -> None:
     one, state = begun(encode("BTFSS", f=RAM, b=3))
-    ways = list(one.step(state))
-    assert sorted(way.pc for way in ways) == [AT + 1, AT + 2]
-    for way in ways:
-        bit = one.at_first(RAM).bit(3)
-        assert one.solver.possible(way.path & bit) == (way.pc == AT + 2)
-        assert one.solver.possible(way.path & ~bit) == (way.pc == AT + 1)
+    successors = list(one.step(state))
+    assert sorted(successor.pc for successor in successors) == [AT + 1, AT + 2]
+    for successor in successors:
+        bit = one.initial(RAM).bit(3)
+        assert one.solver.possible(successor.path & bit) == (successor.pc == AT + 2)
+        assert one.solver.possible(successor.path & ~bit) == (successor.pc == AT + 1)
     one, state = begun(encode("BTFSS", f=RAM, b=3))
-    one.given = one.at_first(RAM).less(8)
-    assert [way.pc for way in one.step(state)] == [AT + 1]
+    one.given = one.initial(RAM).less(8)
+    assert [successor.pc for successor in one.step(state)] == [AT + 1]
     one, state = begun(encode("INCFSZ", f=RAM, d=1))
-    assert sorted(way.pc for way in one.step(state)) == [AT + 1, AT + 2]
+    assert sorted(successor.pc for successor in one.step(state)) == [AT + 1, AT + 2]
 
 
 def test_a_jump_a_call_and_a_return_lead_where_they_should() -> None:
@@ -219,13 +219,13 @@ def test_rp0_selects_the_bank(f: int, bank: int, place: int) -> None:
 
 def test_an_unknown_pointer_is_followed_to_each_place() -> None:
     one, state = begun(encode("MOVF", f=INDF, d=0))
-    pointer = one.at_first(FSR)
+    pointer = one.initial(FSR)
     one.given = ~pointer.less(0x10) & pointer.less(0x13)
-    ways = list(one.step(state))
-    assert len(ways) == 3 and one.reads == {0x10, 0x11, 0x12}
-    for way, place in itertools.product(ways, one.reads):
-        read = way.w.equals(one.at_first(place))
-        assert not one.solver.possible(one.given & way.path & pointer.equals(place) & ~read)
+    successors = list(one.step(state))
+    assert len(successors) == 3 and one.reads == {0x10, 0x11, 0x12}
+    for successor, place in itertools.product(successors, one.reads):
+        read = successor.w.equals(one.initial(place))
+        assert not one.solver.possible(one.given & successor.path & pointer.equals(place) & ~read)
 
 
 def test_status_is_put_together_from_its_flags_and_the_bank() -> None:
@@ -277,7 +277,7 @@ def test_what_time_and_pins_change_is_read_anew_each_time() -> None:
     for f in (TMR0, PORTA, PORTB):
         one, state = begun(encode("MOVF", f=f, d=0))
         first = stepped(one, state)
-        assert first.w is one.at_first(f) and first.looks == (f,) and one.reads == {f}
+        assert first.w is one.initial(f) and first.looks == (f,) and one.reads == {f}
         first.pc = AT
         second = stepped(one, first)
         assert second.looks == (f, f)
@@ -327,7 +327,7 @@ def test_a_computed_jump_goes_to_each_target() -> None:
     assert stepped(one, state).pc == 0x200 + AT + 4
     state.w = unknown("W")
     one.given = state.w.less(3)
-    assert sorted(way.pc for way in one.step(state)) == [0x241, 0x242, 0x243]
+    assert sorted(successor.pc for successor in one.step(state)) == [0x241, 0x242, 0x243]
     one, state = begun(encode("ADDWF", f=PCL, d=1))
     with pytest.raises(NotFollowed, match=r"^PCLATH is not known at 0x040$"):
         stepped(one, state)
@@ -456,7 +456,7 @@ def test_what_is_not_sure_of_the_eeprom_is_not_followed() -> None:
     for address, known in ((63, True), (64, False)):
         one, state = eeprom({AT: START_READ}, address=address)
         if known:
-            assert one.byte(stepped(one, state), EEDATA) is one.at_first(EEPROM + 63)
+            assert one.byte(stepped(one, state), EEDATA) is one.initial(EEPROM + 63)
         else:
             with pytest.raises(NotFollowed, match=r"^the EEPROM's address is not known at 0x040$"):
                 stepped(one, state)
@@ -516,7 +516,7 @@ def test_ways_that_meet_become_one_state() -> None:
     assert end.pc == AT + 6
     assert values_of(one, [end], RAM) == {0, 1, 4, 5}
     for low in range(4):
-        given = one.at_first(0x30)[0:2].equals(low) & end.path
+        given = one.initial(0x30)[0:2].equals(low) & end.path
         assert one.solver.possible(given)
         assert one.solver.example(one.byte(end, RAM)) == (low & 1) + 2 * (low & 2)
     assert not one.solver.possible(~end.path), "together the ways are all ways"
@@ -568,7 +568,7 @@ def test_flags_and_w_depend_on_the_way() -> None:
     )
     one, state = begun(words)
     (end,) = one.run(state, {AT + 4})
-    bit = one.at_first(RAM).bit(0)
+    bit = one.initial(RAM).bit(0)
     for truth, wanted in ((end.carry, bit), (end.digit_carry, bit), (end.zero, bit)):
         assert not one.solver.possible((truth & ~wanted) | (~truth & wanted))
     assert one.solver.possible(bit) and one.solver.example(end.w) == 0
@@ -579,6 +579,6 @@ def test_a_first_state_knows_what_it_was_given() -> None:
     one = Execution({}, Solver())
     state = one.state(7, {RAM: byte(3)}, (1, 2))
     assert (state.pc, state.stack, state.bank, state.path) == (7, (1, 2), 0, TRUE)
-    assert one.at_first(RAM).value == 3 and one.byte(state, RAM).value == 3
-    assert one.byte(state, 0x21) is one.at_first(0x21)
+    assert one.initial(RAM).value == 3 and one.byte(state, RAM).value == 3
+    assert one.byte(state, 0x21) is one.initial(0x21)
     assert state.w.value is None and flags(state) == (None, None, None)

@@ -47,7 +47,7 @@ def test_edges_are_exact_and_samples_as_close_as_the_receiver_is_reckoned_for(te
 def test_no_bit_is_taken_before_it_can_be_due(text: str) -> None:
     """Times are known modulo 64 units of 4 cycles; a bit is 104 of them, the first one is due after 15."""
     found = interrupt_of(listing_of(text), STREAMED)
-    assert (found.bits_apart, found.first_apart) == (4 * (104 - 64), 4 * 15 + 1)
+    assert (found.min_bit_cycles, found.min_first_bit_cycles) == (4 * (104 - 64), 4 * 15 + 1)
 
 
 def test_an_interrupt_begins_up_to_15_cycles_after_its_overflow(text: str) -> None:

@@ -196,7 +196,7 @@ def test_each_lemma_begins_in_every_state_of_its_step(
     # The prepared pulse has 1 to 12 rounds of 13, and the receiver has one of its counts.
     for name, values in (("next_hi", range(1, 13)), ("rx_bits", [*range(11), *range(0x41, 0x4B), 0x80])):
         found = [
-            n for n in range(256) if one.solver.possible(rise.given & rise.at_first(place(name)).equals(n))
+            n for n in range(256) if one.solver.possible(rise.given & rise.initial(place(name)).equals(n))
         ]
         assert found == [*values]
     counts = [0, *range(1, 11), *range(0x41, 0x4B), 0x80]
@@ -365,9 +365,10 @@ def test_what_the_interrupt_only_reads_main_may_not_write(listing: Listing) -> N
     wait = found(listing, NOP, listing.label("st_exactly"))
     other = lemmas(changed(listing, wait, encode("MOVF", f=listing.variable("left"), d=0)))
     for one, text in ((lemmas(listing), ""), (other, "main writes left, which the interrupt uses")):
-        assert fault(lambda: one.apart(nothing, Accesses(none, left), nothing, none)) == text  # noqa: B023
-        assert fault(lambda: one.apart(nothing, nothing, Accesses(none, left), none)) == text  # noqa: B023
-        assert fault(lambda: one.apart(nothing, Accesses(left, none), Accesses(left, none), none)) == ""  # noqa: B023
+        assert fault(lambda: one.check_sharing(nothing, Accesses(none, left), nothing, none)) == text  # noqa: B023
+        assert fault(lambda: one.check_sharing(nothing, nothing, Accesses(none, left), none)) == text  # noqa: B023
+        both = Accesses(left, none)
+        assert fault(lambda: one.check_sharing(nothing, both, both, none)) == ""  # noqa: B023
 
 
 def test_a_failure_shows_eight_values_at_most(listing: Listing) -> None:
@@ -377,8 +378,8 @@ def test_a_failure_shows_eight_values_at_most(listing: Listing) -> None:
     places = range(first, first + 9)
     from servogen.prove.stream.bits import all_of
 
-    assert one.solver.possible(all_of(execution.at_first(place).equals(1) for place in places))
-    assert one._shown(execution).count(" = 1") == 8
+    assert one.solver.possible(all_of(execution.initial(place).equals(1) for place in places))
+    assert one._example_text(execution).count(" = 1") == 8
 
 
 Change = Callable[[Listing], Listing]
@@ -497,12 +498,12 @@ def test_main_may_not_touch_a_pulse_after_it_has_been_prepared(listing: Listing)
 
     one, none = lemmas(listing), frozenset[int]()
     mask = frozenset([listing.variable("mask")])
-    one.apart(Accesses(none, none), Accesses(none, mask), Accesses(none, none), none)
+    one.check_sharing(Accesses(none, none), Accesses(none, mask), Accesses(none, none), none)
     with pytest.raises(Fails, match="main uses mask after the request is cleared"):
-        one.apart(Accesses(none, none), Accesses(none, none), Accesses(none, mask), none)
+        one.check_sharing(Accesses(none, none), Accesses(none, none), Accesses(none, mask), none)
     with pytest.raises(Fails, match="main uses ticks, which the interrupt writes"):
         ticks = frozenset([listing.variable("ticks")])
-        one.apart(Accesses(none, none), Accesses(ticks, none), Accesses(none, none), none)
+        one.check_sharing(Accesses(none, none), Accesses(ticks, none), Accesses(none, none), none)
 
 
 def test_what_main_and_the_interrupt_may_share(listing: Listing) -> None:
@@ -521,7 +522,7 @@ def test_what_main_and_the_interrupt_may_share(listing: Listing) -> None:
 
         kept = frozenset(place_of(each) for each in context.split())
         try:
-            one.apart(accesses(main), accesses(preparing), accesses(executing), kept)
+            one.check_sharing(accesses(main), accesses(preparing), accesses(executing), kept)
         except Fails as error:
             return str(error)
         return ""
@@ -580,7 +581,7 @@ def test_a_command_that_keeps_a_value_where_the_interrupt_keeps_w_is_noticed(lis
     context, executing = one.context(), one.execute((0x00, 0x80))
     assert kept in executing.reads & executing.writes
     with pytest.raises(Fails, match="where the interrupt keeps its registers"):
-        one.apart(none, none, executing, context)
+        one.check_sharing(none, none, executing, context)
 
 
 def test_an_interrupt_that_leaves_the_bank_is_noticed(listing: Listing) -> None:
@@ -602,18 +603,20 @@ def test_an_interrupt_that_leaves_the_bank_is_noticed(listing: Listing) -> None:
 
 def test_names_of_places_and_values_of_a_failure(listing: Listing) -> None:
     one = lemmas(listing)
-    assert one._name(0x100) == "byte 0 of the EEPROM" and one._name(0x102) == "byte 2 of the EEPROM"
-    assert one._name(0x103) == "place 0x103" and one._name(0x86) == "TRISB"
-    assert one._name(listing.variable("left")) == "left"
-    assert one._name(listing.variable("speed") + 1) == "speed[1]"
+    assert (
+        one._place_name(0x100) == "byte 0 of the EEPROM" and one._place_name(0x102) == "byte 2 of the EEPROM"
+    )
+    assert one._place_name(0x103) == "place 0x103" and one._place_name(0x86) == "TRISB"
+    assert one._place_name(listing.variable("left")) == "left"
+    assert one._place_name(listing.variable("speed") + 1) == "speed[1]"
     execution = one._execution()
     left, slot = one.names.at("left"), one.names.at("slot")
-    assert one.solver.possible(execution.at_first(left).equals(7) & execution.at_first(slot).equals(0))
+    assert one.solver.possible(execution.initial(left).equals(7) & execution.initial(slot).equals(0))
     # Those that are not 0, in the order of their places.
-    assert one._shown(execution) == ", if left = 7"
-    assert one.solver.possible(execution.at_first(left).equals(7) & execution.at_first(slot).equals(3))
+    assert one._example_text(execution) == ", if left = 7"
+    assert one.solver.possible(execution.initial(left).equals(7) & execution.initial(slot).equals(3))
     both = sorted([(left, "left = 7"), (slot, "slot = 3")])
-    assert one._shown(execution) == ", if " + ", ".join(text for _, text in both)
+    assert one._example_text(execution) == ", if " + ", ".join(text for _, text in both)
     assert one.runs == 1
 
 
@@ -651,7 +654,7 @@ def test_only_a_trim_masks_interrupts_and_nothing_else_changes_what_is_enabled()
     for word in ("bcf     INTCON, 5", "clrf    INTCON", "movwf   INTCON\n    bsf     INTCON, 2"):
         text = changed_text("bsf     0x08, 2 ", f"{word}\n    bsf     0x08, 2 ")
         other = lemmas(listing_of(text))
-        assert fault(lambda: other.apart(nothing, nothing, nothing, frozenset())) == (  # noqa: B023
+        assert fault(lambda: other.check_sharing(nothing, nothing, nothing, frozenset())) == (  # noqa: B023
             "main changes which interrupts are enabled"
         )
 

@@ -200,7 +200,7 @@ def looked(
     code = Round({4: encode("CALL", k=0x60), 5: encode("RETFIE")}, OF_INTERRUPT, 0x60, 0x70, 9)
     # It begins in cycle 2, and the subroutine in cycle 4.
     outcomes = {0x60: (Look(look, 40, SAMPLE - 4, STAMP - 4),)}
-    one = Interrupt(code, outcomes, answers, bits_apart=160, first_apart=61, gaps=True)
+    one = Interrupt(code, outcomes, answers, min_bit_cycles=160, min_first_bit_cycles=61, gaps=True)
     known = {OF_INTERRUPT["ticks"]: 101}
     if receiving is not None:
         known[OF_INTERRUPT["rx_bits"]] = receiving

@@ -91,12 +91,14 @@ BYTE = (15 + 9 * 104) * 4
 class Bound:
     """A bound of the C, and what it was asked for."""
 
-    def __init__(self, prepare: int | None, execute: int | None, supply: int | None, apart: int = 3) -> None:
+    def __init__(
+        self, prepare: int | None, execute: int | None, supply: int | None, interval: int = 3
+    ) -> None:
         self.asked: list[tuple[int, int, int]] = []
-        self.response = Response(*map(cycles, (prepare, execute, supply)), apart, 0)
+        self.response = Response(*map(cycles, (prepare, execute, supply)), interval, 0)
 
-    def __call__(self, listing: Listing, rounds: int, travel: int, apart: int) -> Response:
-        self.asked.append((rounds, travel, apart))
+    def __call__(self, listing: Listing, rounds: int, travel: int, interval: int) -> Response:
+        self.asked.append((rounds, travel, interval))
         return self.response
 
 
@@ -185,19 +187,19 @@ def test_where_less_than_a_slot_is_left_its_own_bound_counts(
 ) -> None:
     streamed = changed(layout=replace(ARM.layout, rounds=rounds))
     bound = Bound(1000, 500, 1500)
-    apart = 3 * BYTE
-    assert window is None or window == (apart - rounds * 256) // 256 - 1
+    interval = 3 * BYTE
+    assert window is None or window == (interval - rounds * 256) // 256 - 1
     one = proof_of(streamed)
     monkeypatch.setattr(proof, "response", bound)
     if window is None:
         with pytest.raises(UndecidedPart, match="before it is executed"):
-            one._command_in_time(bound.response, 1, apart, 7)
+            one._check_command_in_time(bound.response, 1, interval, 7)
         assert bound.asked == []
         return
-    one._command_in_time(bound.response, 1000, apart, 7)
-    assert bound.asked == [(window, 7, apart)]
+    one._check_command_in_time(bound.response, 1000, interval, 7)
+    assert bound.asked == [(window, 7, interval)]
     with pytest.raises(UndecidedPart, match="before it is executed"):
-        one._command_in_time(bound.response, 1001, apart, 7)
+        one._check_command_in_time(bound.response, 1001, interval, 7)
 
 
 def test_exactly_a_slot_or_two_are_counted_as_such(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -205,9 +207,9 @@ def test_exactly_a_slot_or_two_are_counted_as_such(monkeypatch: pytest.MonkeyPat
     response = Bound(0, 0, 1000).response
     for rounds, slots in ((21, 1), (20, 1), (14, 2), (13, 2)):
         one = proof_of(changed(layout=replace(ARM.layout, rounds=rounds)))
-        one._command_in_time(response, 1000 * slots, 3 * BYTE, 7)
+        one._check_command_in_time(response, 1000 * slots, 3 * BYTE, 7)
         with pytest.raises(UndecidedPart):
-            one._command_in_time(response, 1000 * slots + 1, 3 * BYTE, 7)
+            one._check_command_in_time(response, 1000 * slots + 1, 3 * BYTE, 7)
 
 
 def test_the_eeprom_is_written_before_it_is_read_again(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -226,7 +228,7 @@ def test_a_trim_is_written_before_the_next_command_ends(monkeypatch: pytest.Monk
     # 2 * rounds * 256 - 11 412 cycles after the next command has begun, and then written.
     most = (25_000 - JOB.device.max_eeprom_write_us + 3 * BYTE) // 512
     bound = Bound(1, 1, 15_000)
-    monkeypatch.setattr(_Proof, "_command_in_time", lambda *arguments: None)
+    monkeypatch.setattr(_Proof, "_check_command_in_time", lambda *arguments: None)
     silent = replace(ARM.stream, transmit_pin=None)
     assert times(bound, monkeypatch, changed(layout=replace(ARM.layout, rounds=most), stream=silent))
     with pytest.raises(UndecidedPart) as error:
@@ -240,7 +242,7 @@ def test_an_answer_is_sent_before_a_byte_begins_that_ends_20_ms_after_the_query(
     """Two slots and a round until the query is executed, up to a bit until its answer of ten bits begins."""
     most = (20_000 - BYTE - 11 * 104 * 4 - 256) // 512
     bound = Bound(1, 1, 15_000)
-    monkeypatch.setattr(_Proof, "_command_in_time", lambda *arguments: None)
+    monkeypatch.setattr(_Proof, "_check_command_in_time", lambda *arguments: None)
     assert times(bound, monkeypatch, changed(layout=replace(ARM.layout, rounds=most)))
     with pytest.raises(UndecidedPart) as error:
         times(bound, monkeypatch, changed(layout=replace(ARM.layout, rounds=most + 1)))
@@ -291,18 +293,18 @@ def samples() -> Samples:
 
 def test_each_bit_is_sampled_while_it_lasts_for_every_sender() -> None:
     one = proof_of(ARM)
-    one._sampled(samples())  # type: ignore[arg-type]
+    one._check_samples(samples())  # type: ignore[arg-type]
     for k in range(10):
         for name, off in (("earliest", -1), ("latest", 1)):
             wrong = samples()
             getattr(wrong, name)[k] += Fraction(off, 1000)
             with pytest.raises(UndecidedPart) as error:
-                one._sampled(wrong)  # type: ignore[arg-type]
+                one._check_samples(wrong)  # type: ignore[arg-type]
             assert str(error.value).startswith(f"bit {k} of a byte is sampled ")
     wrong = samples()
     wrong.earliest[3], wrong.latest[3] = Fraction(1200), Fraction(1500)
     with pytest.raises(UndecidedPart) as error:
-        one._sampled(wrong)  # type: ignore[arg-type]
+        one._check_samples(wrong)  # type: ignore[arg-type]
     # 3 bits of 1250/3 cycles / 0.98 = 1275.5; 4 / 1.02 = 1634.0
     assert str(error.value) == (
         "bit 3 of a byte is sampled 1200 to 1500 cycles after its beginning; it lasts from 1275.5 to 1634.0"
@@ -580,7 +582,7 @@ def test_a_pulse_has_its_pin_and_port_and_one_of_no_width_none() -> None:
 def test_main_leaves_variables_ports_and_option_reg_as_they_are() -> None:
     for pins, ports in ((("RB7", "RB3", "RB5"), {6, 0x86}), (("RB7", "RA3", "RB5"), {5, 0x85, 6, 0x86})):
         one = lemmas_of(with_pins(*pins))
-        same: Any = SimpleNamespace(at_first=lambda place: -place)
+        same: Any = SimpleNamespace(initial=lambda place: -place)
         # Those of three bytes, those of one, and what is handed over; not what the C leaves to no step.
         kept = {*range(0x10, 0x10 + 5 * 3 + 8), *range(0x30, 0x35), *ports, 0x81}
         assert one._unchanged(same) == {place: -place for place in kept}
@@ -593,15 +595,15 @@ def test_a_look_sends_a_bit_on_its_pin_when_it_is_due() -> None:
     for before, after in itertools.product(values, values):
         run: Any = SimpleNamespace(
             byte=lambda state, place, after=after: byte(after if place == 5 else 0x55),
-            at_first=lambda place, before=before: byte(before if place == 5 else 0x55),
+            initial=lambda place, before=before: byte(before if place == 5 else 0x55),
         )
         for level, due in itertools.product((None, TRUE, FALSE), (TRUE, FALSE)):
             state: Any = SimpleNamespace(level=level, due=due)
             wanted = (
                 before if level is None or due is FALSE else before | 8 if level is TRUE else before & 0xF7
             )
-            assert lemmas_of(ARM)._sent(run, None, state).known is (after == wanted)  # type: ignore[arg-type]
-            assert lemmas_of(mute)._sent(run, None, state) is TRUE  # type: ignore[arg-type]
+            assert lemmas_of(ARM)._latch_as_due(run, None, state).known is (after == wanted)  # type: ignore[arg-type]
+            assert lemmas_of(mute)._latch_as_due(run, None, state) is TRUE  # type: ignore[arg-type]
 
 
 def test_the_bytes_of_a_chip_are_its_variables() -> None:

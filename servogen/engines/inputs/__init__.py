@@ -53,9 +53,9 @@ def given(inputs: Iterable[EngineInput], kind: type[Input]) -> Input | None:
     return next((each for each in inputs if isinstance(each, kind)), None)
 
 
-def check_free(document: Document, key: Key, pin: str, taken: Mapping[str, str], hint: str) -> None:
-    """Raise InputError if there is no such pin, or `taken`, users by pin, has one for it."""
+def check_free(document: Document, key: Key, pin: str, used_pins: Mapping[str, str], hint: str) -> None:
+    """Raise InputError if there is no such pin, or `used_pins`, users by pin, has one for it."""
     if pin not in PINS:
         raise document.error("unknown-pin", key, f"unknown pin '{pin}'", did_you_mean(pin, PINS))
-    if pin in taken:
-        raise document.error("pin-in-use", key, f"{pin} is in use: {taken[pin]}", hint)
+    if pin in used_pins:
+        raise document.error("pin-in-use", key, f"{pin} is in use: {used_pins[pin]}", hint)

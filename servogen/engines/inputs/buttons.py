@@ -88,7 +88,7 @@ class ControlButtons:
             yield f"{self.stop.pin}: stop, {seen}: {self.stop.text()}. Then {outcome}, until {again}."
 
 
-def waited(schedule: PulseSchedule, frames: int) -> PulseSchedule:
+def with_wait(schedule: PulseSchedule, frames: int) -> PulseSchedule:
     """Return the schedule with `frames` additional repetitions of its first frame."""
     first = (*schedule.lead_in, *schedule.loop)[0]
     if not frames:
@@ -99,7 +99,7 @@ def waited(schedule: PulseSchedule, frames: int) -> PulseSchedule:
     return replace(schedule, lead_in=(longer, *schedule.lead_in[1:]))
 
 
-def waited_motion(trajectory: JointTrajectory, frames: int) -> JointTrajectory:
+def motion_with_wait(trajectory: JointTrajectory, frames: int) -> JointTrajectory:
     """Return the trajectory with `frames` additional repetitions of its first frame."""
     return replace(
         trajectory,

@@ -186,7 +186,7 @@ def hearing_table(names: Sequence[str]) -> bytes:
     while len(rows) < len(states):
         row = []
         for level in "01":
-            state, direction = _heard(states[len(rows)], level, codes)
+            state, direction = _next_state(states[len(rows)], level, codes)
             if state not in states:
                 states.append(state)
             row.append(states.index(state) | (0 if direction is None else direction + 1 << COMMAND_SHIFT))
@@ -197,7 +197,7 @@ def hearing_table(names: Sequence[str]) -> bytes:
 IDLE = "idle"
 
 
-def _heard(state: str, level: str, codes: Mapping[str, int]) -> tuple[str, int | None]:
+def _next_state(state: str, level: str, codes: Mapping[str, int]) -> tuple[str, int | None]:
     """Return the state after another level, and the direction that it commands: a number, 0 to stop, or None.
 
     A state is `IDLE`, "s" followed by the levels since a start, or else the latest equal levels.
@@ -210,10 +210,10 @@ def _heard(state: str, level: str, codes: Mapping[str, int]) -> tuple[str, int |
             if len(levels) < CODE_LEVELS:
                 return f"s{levels}", None
             # After a code its last levels count as rest or stop, as if no code had begun.
-            return _latest("0" + levels), codes[levels]
+            return _last_run("0" + levels), codes[levels]
         # No code begins like this: the levels since the start, which is low, are only a run.
         state = "0" + state[1:]
-    after = _latest(state + level)
+    after = _last_run(state + level)
     if after == "1" * REST_FRAMES:
         return IDLE, None
     if after == "0" * STOP_FRAMES:
@@ -221,6 +221,6 @@ def _heard(state: str, level: str, codes: Mapping[str, int]) -> tuple[str, int |
     return after, None
 
 
-def _latest(levels: str) -> str:
+def _last_run(levels: str) -> str:
     """Return the equal levels at the end."""
     return levels[len(levels.rstrip(levels[-1])) :]

@@ -9,7 +9,7 @@ from typing import Any
 
 from servogen.engines.firmware import Firmware, ResourceError
 from servogen.engines.inputs import given
-from servogen.engines.inputs.buttons import ControlButtons, waited, waited_motion
+from servogen.engines.inputs.buttons import ControlButtons, motion_with_wait, with_wait
 from servogen.engines.inputs.commands import commander
 from servogen.engines.inputs.wire import JOINING_FRAMES, FrameWire
 from servogen.engines.player import Playing, playing
@@ -62,7 +62,7 @@ def play(
         bends=bends,
         looking=follows,
     )
-    waiting = waited(played.plan.schedule, buttons.waiting)
+    waiting = with_wait(played.plan.schedule, buttons.waiting)
     schedule = replace(
         waiting,
         inputs=buttons.inputs,
@@ -72,7 +72,7 @@ def play(
         else None,
     )
     plan = replace(played.plan, schedule=schedule)
-    return waited_motion(played.trajectory, buttons.waiting), replace(played, plan=plan), schedule
+    return motion_with_wait(played.trajectory, buttons.waiting), replace(played, plan=plan), schedule
 
 
 def _check_soft_start(job: EngineJob, ends: Sequence[int]) -> None:
@@ -88,7 +88,7 @@ def _check_soft_start(job: EngineJob, ends: Sequence[int]) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class _Made:
+class _Candidate:
     """A motion as the player plays it, and all frames that it can play; `make` compiles each dialect once."""
 
     motion: JointTrajectory
@@ -114,7 +114,7 @@ class _Made:
         return True
 
 
-def _made(job: EngineJob, max_error_us: float, **choices: Any) -> _Made:
+def _candidate(job: EngineJob, max_error_us: float, **choices: Any) -> _Candidate:
     motion, played, whole = play(job, max_error_us, **choices)
 
     @cache
@@ -123,17 +123,17 @@ def _made(job: EngineJob, max_error_us: float, **choices: Any) -> _Made:
 
         return compiled(job, played, dialect)
 
-    return _Made(motion, played, whole, make)
+    return _Candidate(motion, played, whole, make)
 
 
-def _closest(job: EngineJob, usual: _Made) -> _Made:
+def _closest(job: EngineJob, usual: _Candidate) -> _Candidate:
     """Return the motion as close to its plan as flash allows, unless rounding alone decides its error."""
     best, limit = usual, job.firmware.max_error_us
     while best.rounding_us < best.error_us <= limit:
         legs = best.played.encoded.legs is not None
         limit = best.rounding_us if legs else limit / 2
         try:
-            closer = _made(job, limit)
+            closer = _candidate(job, limit)
         except (InputError, ResourceError):
             break
         size = closer.played.encoded.size
@@ -145,10 +145,11 @@ def _closest(job: EngineJob, usual: _Made) -> _Made:
     return best
 
 
-def _told(usual: _Made, closest: _Made) -> Diagnostic:
+def _closest_note(usual: _Candidate, closest: _Candidate) -> Diagnostic:
     """Return the note about a motion that is closer to its plan than its job asks for."""
     figures = [
-        f"{made.error_us:g} µs, {made.played.encoded.size} bytes of motion" for made in (closest, usual)
+        f"{candidate.error_us:g} µs, {candidate.played.encoded.size} bytes of motion"
+        for candidate in (closest, usual)
     ]
     return Diagnostic(
         "note",
@@ -166,21 +167,21 @@ class PlayerEngine:
     def plan(self, job: EngineJob) -> EnginePlan:
         """Plan the job's frames; a dialect's C is compiled when its firmware is requested."""
         limit, dialect = job.firmware.max_error_us, job.firmware.dialect
-        made = _made(job, limit)
-        if made.error_us > limit:
+        candidate = _candidate(job, limit)
+        if candidate.error_us > limit:
             # A script in the EEPROM leaves the tables more room in flash, at the cost of the C that reads it.
-            finer = _made(job, limit, more_bytes=eeprom_room(len(job.servos)) - EEPROM_C)
-            made = finer if finer.error_us <= limit else made
-        if made.played.encoded.scale.bent and not made.fits(dialect):
+            finer = _candidate(job, limit, more_bytes=eeprom_room(len(job.servos)) - EEPROM_C)
+            candidate = finer if finer.error_us <= limit else candidate
+        if candidate.played.encoded.scale.bent and not candidate.fits(dialect):
             # No room for the knees: the caller says how far the pulses are off.
-            made = _made(job, limit, bends=False)
+            candidate = _candidate(job, limit, bends=False)
         notes: tuple[Diagnostic, ...] = ()
         if job.firmware.precise and commander(job.inputs) is None:
-            usual, made = made, _closest(job, made)
-            notes = (_told(usual, made),) if made is not usual else ()
-        played = made.played
-        tour = None if played.chain is None else (played.trajectory, made.whole)
-        return EnginePlan(made.motion, played.plan, made.make, played.encoded.size, tour, notes)
+            usual, candidate = candidate, _closest(job, candidate)
+            notes = (_closest_note(usual, candidate),) if candidate is not usual else ()
+        played = candidate.played
+        tour = None if played.chain is None else (played.trajectory, candidate.whole)
+        return EnginePlan(candidate.motion, played.plan, candidate.make, played.encoded.size, tour, notes)
 
 
 ENGINE: Engine = PlayerEngine()

@@ -122,25 +122,25 @@ def fewest(rows: Floats, far: float, near: float) -> tuple[int, int]:
     poses = poses_held[1:-1]
     # A repeated move may be in the script only once, but its first occurrence takes a byte.
     both = needed[:-1] & needed[1:]
-    apart = 2 * (far + near)
+    distance = 2 * (far + near)
     return (
-        _far_apart(poses[needed], apart),
-        _far_apart(np.hstack((poses[:-1], poses[1:]))[both], apart),
+        _far_apart(poses[needed], distance),
+        _far_apart(np.hstack((poses[:-1], poses[1:]))[both], distance),
     )
 
 
-def _far_apart(points: Floats, apart: float) -> int:
-    """Return a number of points that lie more than `apart` from one another, up to that of a full table."""
+def _far_apart(points: Floats, distance: float) -> int:
+    """Return a number of points more than `distance` from one another, up to that of a full table."""
     chosen = points[:1]
     for point in points[1:]:
         if len(chosen) > MAX_BYTES:
             break
-        if np.abs(chosen - point).max(axis=1).min() > apart:
+        if np.abs(chosen - point).max(axis=1).min() > distance:
             chosen = np.vstack((chosen, point))
     return len(chosen)
 
 
-def reduced(rows: Floats, far: float, laws: Sequence[str]) -> list[tuple[int, int, str]]:
+def reduce_to_moves(rows: Floats, far: float, laws: Sequence[str]) -> list[tuple[int, int, str]]:
     """Return `rows` (frames, channels) as the moves and stays that take the player the fewest bytes.
 
     Each is the frame whose pose it begins in, the one whose pose it ends in, and "stay", "straight" or one of
@@ -307,11 +307,11 @@ def _nodes(rows: Floats, far: float) -> Whole:
     near = {0, frames}
     for away in range(4):
         near |= set(np.minimum(np.flatnonzero(change) + away, frames).tolist())
-    apart = max(4, frames // NODES)
+    distance = max(4, frames // NODES)
     # Where a straight step does not fit between two nodes, every frame is one: then some path exists
     # everywhere.
-    for first in range(0, frames, apart):
-        end = min(first + apart, frames)
+    for first in range(0, frames, distance):
+        end = min(first + distance, frames)
         straight = rows[first] + _shares("straight", end - first)[:, None] * (rows[end] - rows[first])
         fits = np.abs(rows[first : end + 1] - straight).max() <= far
         near |= {first, end} if fits else set(range(first, end + 1))

@@ -221,8 +221,8 @@ def _main(listing: Listing) -> ListedFunction:
 
 
 def _only(candidates: Iterator[int]) -> int:
-    (one,) = candidates
-    return one
+    (code,) = candidates
+    return code
 
 
 def _loop_head(words: Mapping[int, int], main: ListedFunction, after: int) -> int:
@@ -459,11 +459,13 @@ def _supply(listing: Listing, rounds: int, masked: int) -> Cycles | None:
         (name, address) for name, address in _addresses(listing).items() if name in (*FOLLOWED, *PORT_NAMES)
     )
     looks = listing.label("st_look")
-    return _supply_of(tuple((address, words[address]) for address in ran), ram, looks, edge, rounds, masked)
+    return _words_supply(
+        tuple((address, words[address]) for address in ran), ram, looks, edge, rounds, masked
+    )
 
 
 @cache
-def _supply_of(
+def _words_supply(
     words: tuple[tuple[int, int], ...],
     ram: tuple[tuple[str, int], ...],
     look: int,
@@ -472,17 +474,17 @@ def _supply_of(
     masked: int,
 ) -> Cycles | None:
     """Do the same for the interrupt's words, which are equal in dialects that differ only in the C."""
-    one = Round(dict(words), dict(ram), look, edge, masked)
+    code = Round(dict(words), dict(ram), look, edge, masked)
     latest = LATENCY + 2
     """The interrupt's latest first cycle: an instruction of two cycles delays it."""
     try:
-        usual, rise = one.left(range(2, latest + 1)), one.end_after_edge(0, 0)
+        usual, rise = code.left(range(2, latest + 1)), code.end_after_edge(0, 0)
         # Masked interrupts let the C run, and the round's two interrupts are nevertheless over in time.
-        if usual is None or rise is None or one.left(range(2, latest + masked + 1)) is None:
+        if usual is None or rise is None or code.left(range(2, latest + masked + 1)) is None:
             return None
         with_fall = 2 * ROUND
         for fine in range(ROUND):
-            left = _minimum([_left_with_fall(one, rest, fine, usual) for rest in (1, MANY)])
+            left = _minimum([_cycles_left_with_fall(code, rest, fine, usual) for rest in (1, MANY)])
             if left is None:
                 return None
             with_fall = min(with_fall, left)
@@ -492,9 +494,9 @@ def _supply_of(
     return Cycles(max(0, ROUND - rise.cycle) + with_fall + (rounds - 3) * usual)
 
 
-def _left_with_fall(one: Round, rest: int, fine: int, usual: int) -> int | None:
+def _cycles_left_with_fall(code: Round, rest: int, fine: int, usual: int) -> int | None:
     """Return the minimum cycles left in the round of a fall and the next one."""
-    fall = one.end_after_edge(rest, fine)
+    fall = code.end_after_edge(rest, fine)
     if fall is None:
         return None
     end = fall.cycle
@@ -503,7 +505,7 @@ def _left_with_fall(one: Round, rest: int, fine: int, usual: int) -> int | None:
     if end + LATENCY < ROUND:
         return ROUND - end + usual
     begins = max(2, end - ROUND)
-    late = one.left(range(begins, begins + LATENCY + 2 + one.masked))
+    late = code.left(range(begins, begins + LATENCY + 2 + code.masked))
     return None if late is None else max(0, ROUND - end) + min(late, usual)
 
 

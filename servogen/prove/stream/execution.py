@@ -49,7 +49,7 @@ VOLATILE = frozenset(
 """Those of them that time and the pins change."""
 RD, WR, WREN, GIE = 0, 1, 2, 7
 RP0 = 5
-MAX_STEPS = 60_000
+MAX_STEPS = 60_000  # between two stops of main; against a loop that the words never leave
 RETURNED = -1
 """The address to which a subroutine returns that is executed by itself."""
 UNLOCK = tuple(
@@ -125,9 +125,9 @@ class Execution:
     def byte(self, state: SymbolicState, place: int) -> Bits:
         """Return the byte at a place."""
         current = state.bytes.get(place)
-        return self.at_first(place) if current is None else current
+        return self.initial(place) if current is None else current
 
-    def at_first(self, place: int) -> Bits:
+    def initial(self, place: int) -> Bits:
         """Return the byte that was at a place in the first state."""
         if place not in self.first:
             self.first[place] = unknown(f"0x{place:02X}")
@@ -149,7 +149,7 @@ class Execution:
         def add(state: SymbolicState) -> None:
             key = self._key(state)
             if key in states:
-                states[key] = self._merged(states[key], state)
+                states[key] = self._merge(states[key], state)
                 return
             states[key] = state
             number = next(self._number)
@@ -178,29 +178,29 @@ class Execution:
         # have to be split into its values again at every access.
         return state.pc, state.stack, state.bank, pointer, page, state.looks, state.unlocked
 
-    def _merged(self, one: SymbolicState, other: SymbolicState) -> SymbolicState:
-        where = one.path
-        places = {*one.bytes, *other.bytes}
-        merged = {p: choose(where, self.byte(one, p), self.byte(other, p)) for p in places}
+    def _merge(self, first: SymbolicState, second: SymbolicState) -> SymbolicState:
+        where = first.path
+        places = {*first.bytes, *second.bytes}
+        merged = {p: choose(where, self.byte(first, p), self.byte(second, p)) for p in places}
         return SymbolicState(
-            one.pc,
-            one.stack,
-            one.bank,
-            choose(where, one.w, other.w),
-            choose_truth(where, one.carry, other.carry),
-            choose_truth(where, one.digit_carry, other.digit_carry),
-            choose_truth(where, one.zero, other.zero),
+            first.pc,
+            first.stack,
+            first.bank,
+            choose(where, first.w, second.w),
+            choose_truth(where, first.carry, second.carry),
+            choose_truth(where, first.digit_carry, second.digit_carry),
+            choose_truth(where, first.zero, second.zero),
             merged,
-            one.path | other.path,
-            one.looks,
-            one.unlocked,
-            max(one.visits, other.visits),
+            first.path | second.path,
+            first.looks,
+            first.unlocked,
+            max(first.visits, second.visits),
         )
 
     def _possible(self, state: SymbolicState, condition: Truth) -> bool:
         return self.solver.possible(self.given & state.path & condition)
 
-    def _ways(self, state: SymbolicState, condition: Truth) -> Iterable[tuple[SymbolicState, bool]]:
+    def _branches(self, state: SymbolicState, condition: Truth) -> Iterable[tuple[SymbolicState, bool]]:
         """Return the state where a condition holds, and where it does not, if they are possible."""
         if condition.known is not None:
             return [(state, condition.known)]
@@ -230,8 +230,8 @@ class Execution:
         if f != INDF:
             return [(state, self._banked(f, state.bank))]
         return [
-            (one, self._banked(pointer & 0x7F, pointer >> 7))
-            for one, pointer in self._values(state, self.byte(state, FSR))
+            (branch, self._banked(pointer & 0x7F, pointer >> 7))
+            for branch, pointer in self._values(state, self.byte(state, FSR))
         ]
 
     def _banked(self, f: int, bank: int) -> int:
@@ -247,7 +247,7 @@ class Execution:
             state.looks = (*state.looks, place)
             # The first read has a name, so that a lemma can speak of the level that was read; later ones may
             # give anything.
-            return self.at_first(place) if state.looks.count(place) == 1 else unknown("later")
+            return self.initial(place) if state.looks.count(place) == 1 else unknown("later")
         if place in self.watched:
             state.looks = (*state.looks, place)
         if place == EECON1:
@@ -344,16 +344,16 @@ class Execution:
         elif word.name in NOT_FOLLOWED:
             raise NotFollowed(f"{word.name} at 0x{state.pc:03X} is not followed")
         elif word.has_f:
-            for one, place in self._place(self._copied(state), word.f):
-                yield from self._with_file(one, word, place)
+            for branch, place in self._place(self._copy(state), word.f):
+                yield from self._with_file(branch, word, place)
         else:
-            after = self._copied(state)
+            after = self._copy(state)
             if word.writes_w:  # NOP and CLRWDT do not
-                after.w = self._calculated(after, word, byte(word.k))
+                after.w = self._result(after, word, byte(word.k))
             after.pc += 1
             yield after
 
-    def _copied(self, state: SymbolicState) -> SymbolicState:
+    def _copy(self, state: SymbolicState) -> SymbolicState:
         return replace(state, bytes=dict(state.bytes))
 
     def _jump(self, state: SymbolicState, word: DecodedWord) -> SymbolicState:
@@ -368,11 +368,11 @@ class Execution:
 
     def _with_file(self, state: SymbolicState, word: DecodedWord, place: int) -> Iterator[SymbolicState]:
         if word.tests_bit:
-            bit = self._tested(state, word, place)
+            bit = self._bit_value(state, word, place)
             skips = bit if word.name == "BTFSS" else ~bit
-            for one, holds in self._ways(state, skips):
-                one.pc += 1 + holds
-                yield one
+            for branch, holds in self._branches(state, skips):
+                branch.pc += 1 + holds
+                yield branch
             return
         if word.changes_bit and place == STATUS:
             self.writes.add(STATUS)
@@ -381,21 +381,21 @@ class Execution:
             yield state
             return
         operand = self._operand(state, word, place) if "f" in word.reads else byte(0)
-        made = self._calculated(state, word, operand)
+        value = self._result(state, word, operand)
         if word.writes_w:
-            state.w = made
+            state.w = value
         elif word.writes_f:
             if place == PCL:
-                yield from self._computed(state, made)
+                yield from self._jump_to(state, value)
                 return
-            self._write(state, place, made)
+            self._write(state, place, value)
         if word.flow != "skip":
             state.pc += 1
             yield state
             return
-        for one, holds in self._ways(state, made.equals(0)):
-            one.pc += 1 + holds
-            yield one
+        for branch, holds in self._branches(state, value.equals(0)):
+            branch.pc += 1 + holds
+            yield branch
 
     def _operand(self, state: SymbolicState, word: DecodedWord, place: int) -> Bits:
         if place == PCL:  # ADDWF PCL,F: the address of the next instruction
@@ -409,7 +409,7 @@ class Execution:
             return self.byte(state, place)  # of the latch: the levels of inputs do not matter
         return self._read(state, place)
 
-    def _tested(self, state: SymbolicState, word: DecodedWord, place: int) -> Truth:
+    def _bit_value(self, state: SymbolicState, word: DecodedWord, place: int) -> Truth:
         flags = {0: state.carry, 1: state.digit_carry, 2: state.zero}
         if place == STATUS and word.b in flags:
             return flags[word.b]
@@ -428,20 +428,20 @@ class Execution:
         elif word.name == "BSF":
             raise NotFollowed(f"IRP or RP1 is set at 0x{state.pc:03X}")
 
-    def _computed(self, state: SymbolicState, result: Bits) -> Iterator[SymbolicState]:
+    def _jump_to(self, state: SymbolicState, result: Bits) -> Iterator[SymbolicState]:
         """Yield the states after a computed jump."""
         page = self.byte(state, PCLATH).value
         if page is None:
             raise NotFollowed(f"PCLATH is not known at 0x{state.pc:03X}")
-        for one, low in self._values(state, result):
-            one.pc = ((page & 3) << 8) | low
-            yield one
+        for branch, low in self._values(state, result):
+            branch.pc = ((page & 3) << 8) | low
+            yield branch
 
-    def _calculated(self, state: SymbolicState, word: DecodedWord, operand: Bits) -> Bits:
+    def _result(self, state: SymbolicState, word: DecodedWord, operand: Bits) -> Bits:
         """Return the result of an instruction for its byte or literal; update the flags."""
-        made = result(TERMS, word.name, operand, state.w, state.carry, word.b)
-        changed = flags(TERMS, word.name, operand, state.w, made)
+        value = result(TERMS, word.name, operand, state.w, state.carry, word.b)
+        changed = flags(TERMS, word.name, operand, state.w, value)
         state.carry = changed.get("C", state.carry)
         state.digit_carry = changed.get("D", state.digit_carry)
         state.zero = changed.get("Z", state.zero)
-        return made
+        return value

@@ -83,8 +83,8 @@ OF_COUNTS = frozenset(
 count, test for zero, or test the lowest bit. With the destination, or the bit that is tested.
 """
 T0IF, FSR_ADDRESS = 2, 4
-MAX_STATES = 200_000
-MAX_ROUNDS = 2
+MAX_STATES = 200_000  # against words that never come back; the templates' interrupts need some thousands
+MAX_ROUNDS = 2  # a fall behind the end of a round is waited for in the same interrupt
 MAX_TIMES = MAX_ROUNDS * ROUND + HALF
 NEVER = -math.inf
 """When the last bit was taken, where that is so long ago that the next one may be."""
@@ -132,7 +132,7 @@ class _State(NamedTuple):
 
 
 @dataclass(slots=True)
-class _Met:
+class _Visited:
     """The states that have been followed.
 
     Of two that differ only in when the last look and the last bit were, the earlier one can do all that the
@@ -164,9 +164,9 @@ class Interrupt:
     """The outcomes of each subroutine that looks at the line, by its address."""
     answers: bool
     """Whether the chip answers on a pin."""
-    bits_apart: int
+    min_bit_cycles: int
     """The minimum number of cycles from one bit taken to the next within an interrupt."""
-    first_apart: int
+    min_first_bit_cycles: int
     """The same from a start bit's time stamp to the first bit taken."""
     gaps: bool = False
     """Whether the gaps between looks are of interest, too."""
@@ -187,7 +187,7 @@ class Interrupt:
             known |= {ram[name]: PORTS[1] for name in PORT_NAMES}
         followed = {W, CARRY, ZERO, FSR, ram[RX_BITS], *known, *(ram[name] for name in FOLLOWED)}
         rest = known.get(ram[REST])
-        met = _Met(followed)
+        visited = _Visited(followed)
         ends: dict[Ending, None] = {}  # in order, so that every run of the search finds the same
         starts = [
             _State(
@@ -202,25 +202,25 @@ class Interrupt:
             """Follow the only path to where it parts, or can meet another."""
             at, last, bit = state
             while True:
-                if at.cycle > MAX_TIMES or len(met.times) > MAX_STATES:
+                if at.cycle > MAX_TIMES or len(visited.times) > MAX_STATES:
                     raise InterruptChanged(f"the interrupt does not end within {MAX_TIMES} cycles")
                 word = self._word(at.address)
                 if word.name == "RETFIE":
-                    ends[self._ending(at, last, bit)] = None
+                    ends[self._ending_at(at, last, bit)] = None
                     return []
                 self._check_word(word, at, rest)
                 if word.flow == "call" and word.k in self.looks:
-                    looked = list(self._looked(self.looks[word.k], at, last, bit))
+                    looked = list(self._after_look(self.looks[word.k], at, last, bit))
                     if len(looked) != 1:
-                        return [self._forgetting(way) for way in looked]
+                        return [self._forget_old_bit(successor) for successor in looked]
                     ((at, last, bit),) = looked
                     continue
-                ways = self._following(word, rest, at)
-                if len(ways) != 1 or word.flow == "jump":
-                    return [self._forgetting(_State(way, last, bit)) for way in ways]
-                (at,) = ways
+                successors = self._successors(word, rest, at)
+                if len(successors) != 1 or word.flow == "jump":
+                    return [self._forget_old_bit(_State(successor, last, bit)) for successor in successors]
+                (at,) = successors
 
-        for _ in reached(starts, following, met.is_new):
+        for _ in reached(starts, following, visited.is_new):
             pass  # the ends are noted where they are found
         return ends
 
@@ -230,16 +230,16 @@ class Interrupt:
         except (KeyError, Undefined):
             raise InterruptChanged(f"the interrupt leaves its words at 0x{address:03X}") from None
 
-    def _forgetting(self, state: _State) -> _State:
+    def _forget_old_bit(self, state: _State) -> _State:
         """Forget when the last bit was, where that is so long ago that the next one may be."""
-        recent = state.at.cycle - state.bit < self.bits_apart
+        recent = state.at.cycle - state.bit < self.min_bit_cycles
         return state if recent else _State(state.at, state.last, NEVER)
 
-    def _ending(self, at: RoundMoment, last: LastLook, bit: float) -> Ending:
+    def _ending_at(self, at: RoundMoment, last: LastLook, bit: float) -> Ending:
         known, ram = at.known, self.code.ram
         end = at.cycle + 2
         if not self.gaps:
-            last = LastLook(BIT, int(bit), int(bit)) if end - bit < self.bits_apart else NO_LOOK
+            last = LastLook(BIT, int(bit), int(bit)) if end - bit < self.min_bit_cycles else NO_LOOK
         ticks, rest, fine = (known.get(ram[name]) for name in (TICKS, REST, FINE))
         return Ending(end, at.timer.ahead, bool(at.timer.cleared), ticks, rest, fine, last)
 
@@ -296,7 +296,7 @@ class Interrupt:
 
     # what can follow
 
-    def _following(self, word: DecodedWord, rest: int | None, at: RoundMoment) -> list[RoundMoment]:
+    def _successors(self, word: DecodedWord, rest: int | None, at: RoundMoment) -> list[RoundMoment]:
         """Return what can follow a word that does not look at the line."""
         # What W holds then is another number for each of the counts.
         one_of_all = (word.name == "DECF" and self._stands_for_all(word, at, rest)) or (
@@ -304,13 +304,15 @@ class Interrupt:
         )
         if at.address == self.code.edge:  # from now on the flag may be cleared
             at = at._replace(timer=at.timer._replace(cleared=False))
-        ways = self.code.steps(at, word)
+        successors = self.code.steps(at, word)
         if one_of_all:
-            for way in ways:
-                way.known.pop(W, None)
-        return ways
+            for successor in successors:
+                successor.known.pop(W, None)
+        return successors
 
-    def _looked(self, looks: Iterable[Look], at: RoundMoment, last: LastLook, bit: float) -> Iterator[_State]:
+    def _after_look(
+        self, looks: Iterable[Look], at: RoundMoment, last: LastLook, bit: float
+    ) -> Iterator[_State]:
         """Yield what can follow a call of a look at the line."""
         address, stack, now, known, timer = at
         receiving, called = self.code.ram[RX_BITS], now + 2
@@ -319,7 +321,7 @@ class Interrupt:
         for look in looks:
             sample, stamp = called + look.sample, called + look.stamp
             hunts = look.kind in (HUNT, START)
-            if look.kind == BIT and stamp - bit < self.bits_apart:
+            if look.kind == BIT and stamp - bit < self.min_bit_cycles:
                 continue  # the time that is left of a bit is longer
             if receiving in known and (known[receiving] == 0) != hunts:
                 continue  # rx_bits is 0 while no byte is being received
@@ -342,7 +344,7 @@ class Interrupt:
     def _may_follow(self, last: LastLook, kind: Kind, stamp: int) -> bool:
         """Return whether a look can be the next one after `last`."""
         if last.kind == START:
-            return kind == WAIT or (kind == BIT and stamp - last.stamp >= self.first_apart)
+            return kind == WAIT or (kind == BIT and stamp - last.stamp >= self.min_first_bit_cycles)
         if kind in (HUNT, START):
             return last.kind != SENT
         return last.kind != HUNT or self.answers
@@ -390,8 +392,8 @@ def interrupt_of(listing: Listing, streamed: Streaming) -> Interrupt:
     check_samples(code, take)
     # Time stamps count modulo 64 units, so a bit is taken at most 64 units after it is due, and the next one
     # no earlier than that much less than a bit after it.
-    bits_apart = UNIT * (streamed.bit_units - ROUND // UNIT)
-    return Interrupt(code, looks, out is not None, bits_apart, UNIT * streamed.first_units + 1)
+    min_bit_cycles = UNIT * (streamed.bit_units - ROUND // UNIT)
+    return Interrupt(code, looks, out is not None, min_bit_cycles, UNIT * streamed.first_units + 1)
 
 
 def _check_writes(

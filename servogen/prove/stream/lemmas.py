@@ -53,9 +53,10 @@ TMR0_COUNTS_CYCLES = 0x8F
 """OPTION_REG: the prescaler is the watchdog's."""
 SLOT = 0x3F
 STARTING, GATHERING = 6, 7
+"""Of `slot`: the bits of the slot's number, and two flags above them."""
 REQUEST, COMMAND = 1, 2
 """Bits of `due`."""
-MAX_BYTE = 0xFF
+MAX_BYTE = 0xFF  # begins a command: no value is as large
 MAX_SHOWN = 8
 """The maximum number of values that a failed lemma shows."""
 
@@ -71,12 +72,12 @@ class Fails(Exception):
     """Raised where a lemma does not hold; says what differs, and for which values."""
 
 
-def between_steps(names: Names, chip: StreamChip, of: Callable[[int], Bits]) -> Truth:
+def between_steps(names: Names, chip: StreamChip, read: Callable[[int], Bits]) -> Truth:
     """Return what holds between two steps of main: of a chip's variables, and of the bits in the bytes of the
-    groups that belong to no servo; `of` reads these bytes.
+    groups that belong to no servo; `read` reads these bytes.
     """
     everybody = sum(1 << names.group_bit(n) for n in range(names.servos))
-    unused_bits = [of(names.at(name)) & (0xFF ^ everybody) for name in ("group", "waiting")]
+    unused_bits = [read(names.at(name)) & (0xFF ^ everybody) for name in ("group", "waiting")]
     return chip.valid() & all_of(bits.equals(0) for bits in unused_bits)
 
 
@@ -141,30 +142,30 @@ class Lemmas:
 
     # states as the specification has them
 
-    def _chip(self, of: Callable[[int], Bits]) -> StreamChip:
-        """Return the chip's variables, read by `of`."""
+    def _chip(self, read: Callable[[int], Bits]) -> StreamChip:
+        """Return the chip's variables, read by `read`."""
         names, servos = self.names, range(self.names.servos)
 
         def pair(name: str, n: int) -> Bits:
-            return of(names.at(f"{name}_high", n)).above(of(names.at(f"{name}_low", n)))
+            return read(names.at(f"{name}_high", n)).above(read(names.at(f"{name}_low", n)))
 
-        slot, group, waiting = (of(names.at(name)) for name in ("slot", "group", "waiting"))
+        slot, group, waiting = (read(names.at(name)) for name in ("slot", "group", "waiting"))
         silent = names.streamed.stream.fail_safe != HOLD
         return StreamChip(
             names.streamed,
             [pair("width", n) for n in servos],
             [pair("goal", n) for n in servos],
-            [of(names.at("speed", n)) for n in servos],
-            [of(EEPROM + n) for n in servos],
+            [read(names.at("speed", n)) for n in servos],
+            [read(EEPROM + n) for n in servos],
             [waiting.bit(names.group_bit(n)) for n in servos],
             [group.bit(names.group_bit(n)) for n in servos],
-            of(names.at("left")),
+            read(names.at("left")),
             slot.bit(STARTING),
             slot.bit(GATHERING),
-            of(names.at("silence")) if silent else byte(0),
+            read(names.at("silence")) if silent else byte(0),
         )
 
-    def _unchanged(self, one: Execution) -> dict[int, Bits]:
+    def _unchanged(self, code: Execution) -> dict[int, Bits]:
         """Return the variables, and those registers that no step of main changes, as they were."""
         places = {
             address + offset
@@ -174,36 +175,42 @@ class Lemmas:
         }
         ports = {self.names.port(pin) for pin in self.names.pins}
         places |= ports | {port | BANK_1 for port in ports} | {OPTION}
-        return {place: one.at_first(place) for place in sorted(places)}
+        return {place: code.initial(place) for place in sorted(places)}
 
     def _compare(
-        self, where: str, one: Execution, state: SymbolicState, wanted: Mapping[int, Bits], more: Truth = TRUE
+        self,
+        where: str,
+        code: Execution,
+        state: SymbolicState,
+        wanted: Mapping[int, Bits],
+        more: Truth = TRUE,
     ) -> None:
         """Raise Fails unless all bytes of a state are as wanted, and `more` holds."""
-        more = more & (~one.byte(state, EECON1).bit(WREN) | one.at_first(EECON1).bit(WREN))
-        differs = {place: ~one.byte(state, place).equals(value) for place, value in wanted.items()}
+        more = more & (~code.byte(state, EECON1).bit(WREN) | code.initial(EECON1).bit(WREN))
+        differs = {place: ~code.byte(state, place).equals(value) for place, value in wanted.items()}
         some = ~more
         for truth in differs.values():
             some = some | truth
         # One question about all bytes together; only if something differs is each asked about on its own.
-        context = one.given & state.path
+        context = code.given & state.path
         if not self.solver.possible(context & some):
             return
         for place, truth in differs.items():
             if self.solver.possible(context & truth):
-                is_, should = (self.solver.example(bits) for bits in (one.byte(state, place), wanted[place]))
-                self._note_values(one)
-                raise Fails(f"{where}: {self._name(place)} becomes {is_}, not {should}{self._shown(one)}")
+                is_, should = (self.solver.example(bits) for bits in (code.byte(state, place), wanted[place]))
+                self._note_values(code)
+                wrong = f"{self._place_name(place)} becomes {is_}, not {should}"
+                raise Fails(f"{where}: {wrong}{self._example_text(code)}")
         # The solver has no example after a question about a place that does not differ.
         self.solver.possible(context & ~more)
-        self._note_values(one)
-        raise Fails(f"{where}: what holds between two steps is lost{self._shown(one)}")
+        self._note_values(code)
+        raise Fails(f"{where}: what holds between two steps is lost{self._example_text(code)}")
 
-    def _note_values(self, one: Execution) -> None:
+    def _note_values(self, code: Execution) -> None:
         """Note the values of the example that the solver has found: of the chip's variables, of a command."""
 
         def value(place: int) -> Bits:
-            return byte(self.solver.example(one.at_first(place)))
+            return byte(self.solver.example(code.initial(place)))
 
         named = {name: value(self.names.at(name)).value for name in ("value", "command", "rx_byte")}
         second, third = self.suspect.second, named["value"]
@@ -211,18 +218,18 @@ class Lemmas:
             second, third = named["command"], named["rx_byte"]
         self.suspect = Suspect(self._chip(value), second, third)
 
-    def _shown(self, one: Execution) -> str:
+    def _example_text(self, code: Execution) -> str:
         """Return values of the example that the solver has found, as text: those that are not 0."""
         values = {
-            self._named[place]: value
-            for place, bits in sorted(one.first.items())
-            if bits.value is None and place in self._named and (value := self.solver.example(bits))
+            self._place_names[place]: value
+            for place, bits in sorted(code.first.items())
+            if bits.value is None and place in self._place_names and (value := self.solver.example(bits))
         }
         shown = [f"{name} = {value}" for name, value in values.items()][:MAX_SHOWN]
         return ", if " + ", ".join(shown) if shown else ""
 
     @property
-    def _named(self) -> dict[int, str]:
+    def _place_names(self) -> dict[int, str]:
         place_names = {EEPROM + n: f"byte {n} of the EEPROM" for n in range(self.names.servos)}
         for name, register in registers().items():
             place_names[register.address] = name
@@ -231,8 +238,8 @@ class Lemmas:
                 place_names[address + offset] = f"{name}[{offset}]" if size > 1 else name
         return place_names
 
-    def _name(self, place: int) -> str:
-        return self._named.get(place, f"place 0x{place:02X}")
+    def _place_name(self, place: int) -> str:
+        return self._place_names.get(place, f"place 0x{place:02X}")
 
     # main
 
@@ -241,12 +248,12 @@ class Lemmas:
         names = self.names
         if names.head != names.enabled:
             raise Fails("interrupts are enabled before all that comes before main's loop is done")
-        one = self._execution()
+        code = self._execution()
         known = {PCLATH: byte(0), INTCON: byte(0), OPTION: byte(0xFF), EECON1: byte(0)}
         known |= {registers()[name].address: byte(0xFF) for name in ("TRISA", "TRISB")}
-        ends = one.run(one.state(0, known), {names.head})
+        ends = code.run(code.state(0, known), {names.head})
         for end in ends:
-            trims = [one.at_first(EEPROM + n) for n in range(names.servos)]
+            trims = [code.initial(EEPROM + n) for n in range(names.servos)]
             chip = StreamChip.after_reset(names.streamed, trims)
             chip.begin_frame()
             chip.prepare(0)
@@ -255,12 +262,12 @@ class Lemmas:
                 wanted[names.at(name)] = byte(value)
             wanted |= {names.at("due"): byte(0), names.at("ticks"): byte(3)}
             wanted |= {INTCON: byte(ENABLED), OPTION: byte(TMR0_COUNTS_CYCLES)}
-            tris_bits = [one.byte(end, names.port(pin) | BANK_1).bit(int(pin[2])) for pin in names.pins]
-            directions = all_of(~bit for bit in tris_bits) & self._directions(one, end, FALSE)
-            self._compare("after a reset", one, end, wanted, chip.valid() & directions)
+            tris_bits = [code.byte(end, names.port(pin) | BANK_1).bit(int(pin[2])) for pin in names.pins]
+            directions = all_of(~bit for bit in tris_bits) & self._directions(code, end, FALSE)
+            self._compare("after a reset", code, end, wanted, chip.valid() & directions)
         if not ends:
             raise Fails("after a reset the main loop is not reached")
-        return Accesses(frozenset(one.reads), frozenset(one.writes))
+        return Accesses(frozenset(code.reads), frozenset(code.writes))
 
     def _pulse(self, chip: StreamChip, n: int) -> dict[int, Bits]:
         """Return the bytes with which the interrupt makes a servo's pulse; a pulse of 0 has no pin."""
@@ -288,16 +295,16 @@ class Lemmas:
             slot = unknown("flags", 2).above(Bits(STARTING, number))
             # Bits of `due`: 0 a pulse was late, 1 the request, 2 a command is complete.
             due = Bits(5, 0).above(unknown("command", 1)).above(Bits(1, 1)).above(unknown("late", 1))
-            one = self._execution()
-            one.counted = names.listing.label("st_whole")
-            begin = one.state(names.head, {names.at("slot"): slot, names.at("due"): due, **_between_steps()})
-            chip = self._chip(one.at_first)
-            one.given = between_steps(names, chip, one.at_first)
+            code = self._execution()
+            code.counted = names.listing.label("st_whole")
+            begin = code.state(names.head, {names.at("slot"): slot, names.at("due"): due, **_between_steps()})
+            chip = self._chip(code.initial)
+            code.given = between_steps(names, chip, code.initial)
             # The rise of slot n requests the pulse of slot n + 1.
             following = (number + 1) % slots
             if following == 0:
                 chip.begin_frame()
-            wanted = self._unchanged(one)
+            wanted = self._unchanged(code)
             if following < names.servos:
                 chip.prepare(following)
                 wanted |= self._pulse(chip, following)
@@ -309,22 +316,24 @@ class Lemmas:
             wanted |= bytes_of(names, chip, byte(following))
             wanted |= {names.at("due"): due & 1, names.at("sum_lo"): due, INTCON: byte(ENABLED)}
             where = f"the pulse of slot {following}"
-            for end in self._ends(one, begin, {names.cleared}, where):
-                self._compare(where, one, end, wanted, chip.valid())
-            reads |= one.reads
-            writes |= one.writes
-            self.divided = max(self.divided, one.visits)
+            for end in self._run_to(code, begin, {names.cleared}, where):
+                self._compare(where, code, end, wanted, chip.valid())
+            reads |= code.reads
+            writes |= code.writes
+            self.divided = max(self.divided, code.visits)
         return Accesses(frozenset(reads), frozenset(writes))
 
-    def _ends(self, one: Execution, begin: SymbolicState, stops: set[int], where: str) -> list[SymbolicState]:
-        ends = one.run(begin, stops)
+    def _run_to(
+        self, code: Execution, begin: SymbolicState, stops: set[int], where: str
+    ) -> list[SymbolicState]:
+        ends = code.run(begin, stops)
         covered = FALSE
         for end in ends:
             covered = covered | end.path
             if end.bank:
                 raise Fails(f"{where}: bank 1 is still selected")
-        if self.solver.possible(one.given & ~covered):
-            raise Fails(f"{where}: the end is not reached{self._shown(one)}")
+        if self.solver.possible(code.given & ~covered):
+            raise Fails(f"{where}: the end is not reached{self._example_text(code)}")
         return ends
 
     def idle(self) -> Accesses:
@@ -334,16 +343,16 @@ class Lemmas:
         all find the same, because nothing but main clears it.
         """
         names = self.names
-        one = self._execution()
-        one.watched = frozenset({names.at("due")})
+        code = self._execution()
+        code.watched = frozenset({names.at("due")})
         due = Bits(6, 0).above(Bits(1, 0)).above(unknown("late", 1))
-        begin = one.state(names.head, {names.at("due"): due, **_between_steps()})
-        wanted = self._unchanged(one) | {EEPROM + n: one.at_first(EEPROM + n) for n in range(names.servos)}
-        for end in self._ends(one, begin, {names.head}, "without a request"):
+        begin = code.state(names.head, {names.at("due"): due, **_between_steps()})
+        wanted = self._unchanged(code) | {EEPROM + n: code.initial(EEPROM + n) for n in range(names.servos)}
+        for end in self._run_to(code, begin, {names.head}, "without a request"):
             if end.looks.count(names.at("due")) > 1:
                 raise Fails("main looks for a request more than once in a turn")
-            self._compare("without a request", one, end, wanted)
-        return Accesses(frozenset(one.reads), frozenset(one.writes))
+            self._compare("without a request", code, end, wanted)
+        return Accesses(frozenset(code.reads), frozenset(code.writes))
 
     def execute(self, seconds: Iterable[int] = range(256)) -> Accesses:
         """Check every command with one of these second bytes, and any third one that a receiver takes."""
@@ -354,86 +363,90 @@ class Lemmas:
             if second % 16 == 0:
                 self.tell("commands", second, 256)
             due = Bits(7, 0).above(unknown("late", 1))
-            one = self._execution(Suspect(second=second))
-            begin = one.state(
+            code = self._execution(Suspect(second=second))
+            begin = code.state(
                 names.cleared,
                 {names.at("todo"): byte(second), names.at("due"): due, **_between_steps()},
             )
-            value, slot, copied = (one.at_first(names.at(name)) for name in ("value", "slot", "sum_lo"))
-            one.given = between_steps(names, self._chip(one.at_first), one.at_first)
-            one.given = one.given & value.less(MAX_BYTE) & (slot & SLOT).less(slots)
+            value, slot, copied = (code.initial(names.at(name)) for name in ("value", "slot", "sum_lo"))
+            code.given = between_steps(names, self._chip(code.initial), code.initial)
+            code.given = code.given & value.less(MAX_BYTE) & (slot & SLOT).less(slots)
             where = f"the command FF {second:02X}"
-            ends = self._ends(one, begin, {names.head}, where)
-            if INTCON in one.writes and second - CommandKind.TRIM.value not in range(names.servos):
+            ends = self._run_to(code, begin, {names.head}, where)
+            if INTCON in code.writes and second - CommandKind.TRIM.value not in range(names.servos):
                 raise Fails(f"{where}: interrupts are masked")
             # A command waits while the EEPROM is being written. The words test this once; both answers are
             # followed.
-            if len(one.busy) != 1:
-                raise NotFollowed(f"{where}: EECON1 is read {len(one.busy)} times")
-            runs = copied.bit(COMMAND) & ~one.busy[0]
-            chip = self._chip(one.at_first)
+            if len(code.busy) != 1:
+                raise NotFollowed(f"{where}: EECON1 is read {len(code.busy)} times")
+            runs = copied.bit(COMMAND) & ~code.busy[0]
+            chip = self._chip(code.initial)
             chip.execute(second, value)
             answers = runs if chip.answer is not None else FALSE
-            wanted = self._unchanged(one)
+            wanted = self._unchanged(code)
             for place, changed in bytes_of(names, chip, slot & SLOT).items():
-                wanted[place] = choose(runs, changed, one.at_first(place))
+                wanted[place] = choose(runs, changed, code.initial(place))
             wanted[names.at("todo")] = choose(runs, byte(NOTHING), byte(second))
             wanted.pop(names.at("value"))
             if chip.answer is not None:
                 sent = {"rx_byte": chip.answer, "rx_left": byte(0), "rx_bits": byte(1 << SENDING | 10)}
                 for name, changed in sent.items():
-                    wanted[names.at(name)] = choose(runs, changed, one.at_first(names.at(name)))
+                    wanted[names.at(name)] = choose(runs, changed, code.initial(names.at(name)))
             wanted[INTCON] = byte(ENABLED)
             for end in ends:
-                value_kept = runs | one.byte(end, names.at("value")).equals(value)
-                after = self._chip(lambda place: one.byte(end, place))  # noqa: B023 - used in this turn only
+                value_kept = runs | code.byte(end, names.at("value")).equals(value)
+                after = self._chip(lambda place: code.byte(end, place))  # noqa: B023 - used in this turn only
                 self._compare(
-                    where, one, end, wanted, value_kept & after.valid() & self._directions(one, end, answers)
+                    where,
+                    code,
+                    end,
+                    wanted,
+                    value_kept & after.valid() & self._directions(code, end, answers),
                 )
-            reads |= one.reads
-            writes |= one.writes
+            reads |= code.reads
+            writes |= code.writes
         return Accesses(frozenset(reads), frozenset(writes))
 
-    def _directions(self, one: Execution, end: SymbolicState, answers: Truth) -> Truth:
+    def _directions(self, code: Execution, end: SymbolicState, answers: Truth) -> Truth:
         """Return whether the receive pin is an input as before, and the transmit pin an output if the chip
         answers.
         """
         port, bit = self.names.line
-        kept = one.byte(end, port | BANK_1).bit(bit) | ~one.at_first(port | BANK_1).bit(bit)
+        kept = code.byte(end, port | BANK_1).bit(bit) | ~code.initial(port | BANK_1).bit(bit)
         pin = self.names.streamed.stream.transmit_pin
         if pin is None:
             return kept
-        return kept & (~answers | ~one.byte(end, self.names.port(pin) | BANK_1).bit(int(pin[2])))
+        return kept & (~answers | ~code.byte(end, self.names.port(pin) | BANK_1).bit(int(pin[2])))
 
     # the interrupt
 
     def rise(self) -> None:
         """Check what a rise takes over of the pulse that was prepared: for each of 2^16 widths."""
         names, rounds = self.names, self.names.streamed.layout.rounds
-        one = self._execution()
-        begin = one.state(names.edge + 1, {names.at("rest"): byte(0)})
-        high, low = (one.at_first(names.at(name)) for name in ("next_hi", "next_lo"))
-        one.given = ~high.equals(0) & high.less(rounds) & self._reachable(one)
-        ends = one.run(begin, {names.listing.label("st_out")})
+        code = self._execution()
+        begin = code.state(names.edge + 1, {names.at("rest"): byte(0)})
+        high, low = (code.initial(names.at(name)) for name in ("next_hi", "next_lo"))
+        code.given = ~high.equals(0) & high.less(rounds) & self._possible_bit_counts(code)
+        ends = code.run(begin, {names.listing.label("st_out")})
         for end in ends:
             ticks = high + high - 1
-            todo = one.byte(end, names.at("todo")).equals(NOTHING)
-            due = one.at_first(names.at("due")) | 1 << REQUEST
+            todo = code.byte(end, names.at("todo")).equals(NOTHING)
+            due = code.initial(names.at("due")) | 1 << REQUEST
             wanted = {
                 names.at("ticks"): ticks,
                 names.at("rest"): byte(2 * rounds - 2) - ticks,
                 names.at("fine"): low,
                 names.at("due"): choose(todo, due, due | 1 << COMMAND),
-                names.at("mask"): one.at_first(names.at("mask")),
+                names.at("mask"): code.initial(names.at("mask")),
             }
-            self._compare("a rise", one, end, wanted)
+            self._compare("a rise", code, end, wanted)
         if not ends:
             raise Fails("a rise does not end")
 
-    def _reachable(self, one: Execution) -> Truth:
+    def _possible_bit_counts(self, code: Execution) -> Truth:
         among = FALSE
         for count in receiver_counts(self.names.streamed):
-            among = among | one.at_first(self.names.at("rx_bits")).equals(count)
+            among = among | code.initial(self.names.at("rx_bits")).equals(count)
         return among
 
     def receive(self) -> None:
@@ -442,24 +455,24 @@ class Lemmas:
         port, bit = names.line
         for number, bits in enumerate(receiver_counts(self.names.streamed)):
             self.tell("states of the receiver", number, len(receiver_counts(self.names.streamed)))
-            one = self._execution()
-            begin = one.state(names.listing.label("st_look"), {names.at("rx_bits"): byte(bits)}, (RETURNED,))
+            code = self._execution()
+            begin = code.state(names.listing.label("st_look"), {names.at("rx_bits"): byte(bits)}, (RETURNED,))
             own = ("rx_left", "rx_last", "rx_byte", "command", "todo", "value")
-            line = one.at_first(port).bit(bit)
-            timer, ticks = one.at_first(TMR0), one.at_first(names.at("ticks"))
+            line = code.initial(port).bit(bit)
+            timer, ticks = code.initial(TMR0), code.initial(names.at("ticks"))
             # Where `ticks` is even, TMR0 is 128 cycles ahead of the time.
             now = choose(ticks.bit(0), timer, timer + 128) >> 2
-            left, last_look, shifted, command, todo, value = (one.at_first(names.at(name)) for name in own)
+            left, last_look, shifted, command, todo, value = (code.initial(names.at(name)) for name in own)
             receiver = ReceiverState(
                 names.streamed, byte(bits), left, last_look, shifted, command, todo, value
             )
-            ends = one.run(begin, {RETURNED})
+            ends = code.run(begin, {RETURNED})
             if bits:
                 receiver.look(now & SLOT, line)
             else:
                 receiver.start(now & SLOT, line)
             values = [getattr(receiver, variable.name) for variable in fields(receiver)[1:8]]
-            wanted = self._unchanged(one) | dict(
+            wanted = self._unchanged(code) | dict(
                 zip([names.at(name) for name in ("rx_bits", *own)], values, strict=True)
             )
             last = names.at("rx_last")
@@ -474,18 +487,20 @@ class Lemmas:
                 covered = covered | end.path
                 if end.looks.count(port) > 1 or end.looks.count(TMR0) > 1:
                     raise Fails(f"{where}: the line or the timer is read twice")
-                same_look = ((one.byte(end, last) ^ wanted_last) & SLOT).equals(0)
-                self._compare(where, one, end, wanted, same_look & among & self._sent(one, end, receiver))
-            if self.solver.possible(one.given & ~covered):
+                same_look = ((code.byte(end, last) ^ wanted_last) & SLOT).equals(0)
+                self._compare(
+                    where, code, end, wanted, same_look & among & self._latch_as_due(code, end, receiver)
+                )
+            if self.solver.possible(code.given & ~covered):
                 raise Fails(f"{where}: it does not return")
 
-    def _sent(self, one: Execution, end: SymbolicState, receiver: ReceiverState) -> Truth:
+    def _latch_as_due(self, code: Execution, end: SymbolicState, receiver: ReceiverState) -> Truth:
         """Return whether the transmit pin's latch is as it should be after a look."""
         pin = self.names.streamed.stream.transmit_pin
         if pin is None:
             return TRUE
         place, bit = self.names.port(pin), int(pin[2])
-        after, before = one.byte(end, place), one.at_first(place)
+        after, before = code.byte(end, place), code.initial(place)
         if receiver.level is None:
             return after.equals(before)
         sent = choose(receiver.level, before.with_bit(bit, 1), before.with_bit(bit, 0))
@@ -497,12 +512,12 @@ class Lemmas:
         take, hunt, late = (names.listing.label(name) for name in ("st_take", "st_hunt", "st_late"))
         checked: set[int] = set()
         for label in (names.body, names.listing.label("st_plain_quiet")):
-            one = self._execution()
-            begin = one.state(label, {})
-            ends = one.run(begin, {take, hunt, late, names.listing.label("st_out")}, anywhere=True)
+            code = self._execution()
+            begin = code.state(label, {})
+            ends = code.run(begin, {take, hunt, late, names.listing.label("st_out")}, anywhere=True)
             for end in ends:
                 checked |= {back - 1 for back in end.stack}
-                idle = one.byte(end, names.at("rx_bits")).equals(0)
+                idle = code.byte(end, names.at("rx_bits")).equals(0)
                 wrong = {take: idle, hunt: ~idle}.get(end.pc, FALSE)
                 if self.solver.possible(end.path & wrong):
                     raise Fails(f"the line is looked at in the wrong way, from 0x{label:03X}")
@@ -517,16 +532,16 @@ class Lemmas:
 
     def _context(self, bank: int) -> frozenset[int]:
         names = self.names
-        one = self._execution()
-        before = one.state(INTERRUPT_VECTOR, {})
+        code = self._execution()
+        before = code.state(INTERRUPT_VECTOR, {})
         before.bank = bank
         first = copy(before)
-        status = one.status(before)
-        (inside,) = one.run(before, {names.body})
+        status = code.status(before)
+        (inside,) = code.run(before, {names.body})
         if inside.bank:
             raise Fails("the interrupt does not select bank 0")
-        context = frozenset(one.writes) - {STATUS, PCLATH, FSR, INTCON}
-        changed = {word_of(names.words[address]) for address in self._between()}
+        context = frozenset(code.writes) - {STATUS, PCLATH, FSR, INTCON}
+        changed = {word_of(names.words[address]) for address in self._body_addresses()}
         own = {word.f for word in changed if word.writes_f}
         if context & own:
             raise Fails("the interrupt writes where the compiler keeps the C's registers")
@@ -541,15 +556,15 @@ class Lemmas:
             after.bytes[place] = unknown(f"0x{place:02X}")
         # RETFIE returns to what was interrupted.
         after.stack = (RETURNED,)
-        for end in one.run(after, {RETURNED}):
-            wanted = {place: one.at_first(place) for place in (FSR, PCLATH)}
-            same = end.w.equals(first.w) & one.status(end).equals(status)
-            self._compare("an interrupt's end", one, end, wanted, same)
-        if frozenset(one.writes) - context - {STATUS, PCLATH, FSR, INTCON}:
+        for end in code.run(after, {RETURNED}):
+            wanted = {place: code.initial(place) for place in (FSR, PCLATH)}
+            same = end.w.equals(first.w) & code.status(end).equals(status)
+            self._compare("an interrupt's end", code, end, wanted, same)
+        if frozenset(code.writes) - context - {STATUS, PCLATH, FSR, INTCON}:
             raise Fails("the interrupt's end writes a variable")
         return context
 
-    def _between(self) -> Iterator[int]:
+    def _body_addresses(self) -> Iterator[int]:
         """Yield the addresses of the interrupt without the compiler's words before and after it."""
         names = self.names
         end = names.listing.label("st_out")
@@ -557,12 +572,12 @@ class Lemmas:
         outside = TimedProgram(names.words, ()).reached(end)
         yield from sorted(reached - outside)
 
-    def apart(
+    def check_sharing(
         self, main: Accesses, preparing: Accesses, executing: Accesses, context: frozenset[int]
     ) -> None:
         """Check that main and the interrupt share only what the argument about times covers."""
         names = self.names
-        interrupt = {word_of(names.words[address]) for address in self._between()}
+        interrupt = {word_of(names.words[address]) for address in self._body_addresses()}
         touched = {word.f for word in interrupt if word.has_f and word.f >= RAM_FIRST}
         written = {word.f for word in interrupt if word.writes_f and RAM_FIRST <= word.f <= RAM_LAST}
 
@@ -575,14 +590,14 @@ class Lemmas:
         sent = addresses("rx_byte", "rx_left", "rx_bits")
         loop = preparing.reads | preparing.writes | executing.reads | executing.writes
         for place in sorted(context & (main.reads | main.writes | loop)):
-            raise Fails(f"main uses {self._name(place)}, where the interrupt keeps its registers")
+            raise Fails(f"main uses {self._place_name(place)}, where the interrupt keeps its registers")
         for place in sorted(loop & written - taken_over - sent):
-            raise Fails(f"main uses {self._name(place)}, which the interrupt writes")
+            raise Fails(f"main uses {self._place_name(place)}, which the interrupt writes")
         for place in sorted((preparing.writes | executing.writes) & touched - taken_over - sent):
-            raise Fails(f"main writes {self._name(place)}, which the interrupt uses")
+            raise Fails(f"main writes {self._place_name(place)}, which the interrupt uses")
         late = addresses("mask", "next_lo", "next_hi", "next_port", "due")
         for place in sorted((executing.writes & late) | (executing.reads & addresses("due"))):
-            raise Fails(f"main uses {self._name(place)} after the request is cleared")
+            raise Fails(f"main uses {self._place_name(place)} after the request is cleared")
         if INTCON in preparing.writes:
             raise Fails("main masks interrupts beside a command")
         others = {word_of(names.words[address]) for address in names.words.keys() - set(names.of_interrupt)}
@@ -591,13 +606,13 @@ class Lemmas:
             raise Fails("main changes which interrupts are enabled")
         early = (preparing.writes & addresses("todo", "value")) | (preparing.writes & sent)
         for place in sorted(early):
-            raise Fails(f"main writes {self._name(place)} before the request is cleared")
+            raise Fails(f"main writes {self._place_name(place)} before the request is cleared")
         allowed = {STATUS, FSR, PCLATH, EEADR, EEDATA, EECON1, EECON1 + 1, INTCON, PCL}
         out = names.streamed.stream.transmit_pin
         allowed |= {names.port(out), names.port(out) | BANK_1} if out else set()
         for place in sorted((preparing.writes | executing.writes) - allowed):
             if not RAM_FIRST <= place <= RAM_LAST:
-                raise Fails(f"main writes {self._name(place)} in its loop")
+                raise Fails(f"main writes {self._place_name(place)} in its loop")
 
     def stack(self) -> None:
         """Check that the chip has the return addresses that main and an interrupt in it need together."""

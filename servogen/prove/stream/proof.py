@@ -178,7 +178,7 @@ class _Proof:
         worst = bound.after_command
         if worst is None or bound.supply is None or bound.execute is None or worst > bound.supply:
             raise UndecidedPart(f"the C may be late for a pulse: it takes {worst} of {bound.supply} cycles")
-        self._command_in_time(bound, worst, BYTES * byte, travel)
+        self._check_command_in_time(bound, worst, BYTES * byte, travel)
         clock = streamed.plan.schedule.clock
         written = self.job.device.max_eeprom_write_us
         if streamed.stream.fail_safe != HOLD:
@@ -205,16 +205,16 @@ class _Proof:
             f"or later: within {float(latest_us):g} µs",
         ]
 
-    def _command_in_time(self, bound: Response, worst: int, apart: int, travel: int) -> None:
+    def _check_command_in_time(self, bound: Response, worst: int, interval: int, travel: int) -> None:
         """Check that a command is executed before the next one can end: then none is torn."""
         rounds = self.streamed.layout.rounds
         # The request that starts the execution comes up to a slot after the command. An interval that begins
         # at any phase contains one whole round less than it is long.
-        window = (apart - rounds * ROUND) // ROUND - 1
+        window = (interval - rounds * ROUND) // ROUND - 1
         if window >= rounds:
             left = (window // rounds) * (bound.supply or 0)
         else:
-            left = response(self.listing, window, travel, apart).supply or 0 if window > 3 else 0
+            left = response(self.listing, window, travel, interval).supply or 0 if window > 3 else 0
         if worst + (bound.execute or 0) > left:
             raise UndecidedPart("a command may end before the one before it is executed")
 
@@ -229,7 +229,7 @@ class _Proof:
         idle = lemmas.idle()
         executing = lemmas.execute()
         preparing = lemmas.prepare()
-        lemmas.apart(main, preparing | idle, executing, context)
+        lemmas.check_sharing(main, preparing | idle, executing, context)
         lemmas.stack()
         return [
             f"every byte and every variable's value: {lemmas.runs} symbolic runs, "
@@ -243,7 +243,7 @@ class _Proof:
             self.streamed,
             tell=lambda task, count, of: self.tell(f"{task}: {count} of {of} cycles"),
         )
-        self._sampled(guaranteed)
+        self._check_samples(guaranteed)
         return [
             f"every edge is exact: a pulse begins in cycle {guaranteed.rise} of its round; interrupts "
             f"begin in {guaranteed.states} states",
@@ -251,7 +251,7 @@ class _Proof:
             f"{guaranteed.bit_gap} within a byte",
         ]
 
-    def _sampled(self, guaranteed: Guarantee) -> None:
+    def _check_samples(self, guaranteed: Guarantee) -> None:
         streamed = self.streamed
         bit = streamed.plan.schedule.clock.cycles_per_second / Fraction(streamed.stream.baud)
         for k in range(BITS):

@@ -163,7 +163,7 @@ class _Closure:
                 self._new.clear()
                 for number, fine in enumerate(self.fines if begins else ()):
                     self.tell(self.what, number, len(self.fines))
-                    self._fall(begins, fine)
+                    self._run_falls(begins, fine)
         except LookupError as error:
             raise InterruptChanged(str(error)) from None
 
@@ -173,9 +173,11 @@ class _Closure:
             waiting, self._waiting = self._waiting, []
             firsts = [(entry, self.firsts[entry]) for first, entry in waiting if first]
             self._new += firsts
-            self._rise([Beginning(begin, last) for (begin, _, may), last in firsts if RISE in may])
-            self._first([Beginning(begin, last) for (begin, _, may), last in firsts if PLAIN in may])
-            self._second([Beginning(entry[0], self.seconds[entry]) for first, entry in waiting if not first])
+            self._run_rises([Beginning(begin, last) for (begin, _, may), last in firsts if RISE in may])
+            self._run_firsts([Beginning(begin, last) for (begin, _, may), last in firsts if PLAIN in may])
+            self._run_seconds(
+                [Beginning(entry[0], self.seconds[entry]) for first, entry in waiting if not first]
+            )
 
     def _begins(self, overflow: int, end: int) -> range:
         """Return the cycles in which the interrupt of an overflow can begin, if the one before ended at
@@ -192,10 +194,10 @@ class _Closure:
         if not self.interrupt.gaps:
             last = last._replace(sample=last.stamp)  # only when a bit was taken is of interest
         # An entry with an earlier look, in a round that may be all that this one may be, stands for it.
-        for other in MAYS:
-            if may in other:
-                before = entries.get((begin, last.kind, other))
-                unlimited = not self.interrupt.gaps and (begin, NO_LOOK.kind, other) in entries
+        for wider in MAYS:
+            if may in wider:
+                before = entries.get((begin, last.kind, wider))
+                unlimited = not self.interrupt.gaps and (begin, NO_LOOK.kind, wider) in entries
                 if unlimited or (before is not None and before[1:] <= last[1:]):
                     return
         entry = (begin, last.kind, may)
@@ -203,7 +205,7 @@ class _Closure:
         if (first, entry) not in self._waiting:
             self._waiting.append((first, entry))
 
-    def _next(self, end: Ending, rounds: int, may: May = ANY) -> None:
+    def _add_next_round(self, end: Ending, rounds: int, may: May = ANY) -> None:
         """Add the first interrupts of the round after `rounds` rounds."""
         kind, sample, stamp = end.last
         moved = (
@@ -212,7 +214,7 @@ class _Closure:
         for begin in self._begins(0, end.cycle - rounds * ROUND):
             self._add(True, begin, moved, may)
 
-    def _first(self, begins: list[Beginning]) -> None:
+    def _run_firsts(self, begins: list[Beginning]) -> None:
         """Execute the first interrupts of rounds without an edge."""
         for end in self.interrupt.run(begins, {self.interrupt.code.ram[TICKS]: MANY}):
             if end.ahead == HALF:
@@ -221,32 +223,32 @@ class _Closure:
                     self._add(False, following, end.last, PLAIN)
             else:
                 self._check(end.ahead == 0 and end.ticks == MANY - 2, "the interrupt of a whole round", end)
-                self._next(end, 1)
+                self._add_next_round(end, 1)
 
-    def _second(self, begins: list[Beginning]) -> None:
+    def _run_seconds(self, begins: list[Beginning]) -> None:
         """Execute the second interrupts of rounds without an edge."""
         for end in self.interrupt.run(begins, {self.interrupt.code.ram[TICKS]: MANY - 1}, ahead=HALF):
             self._check(end.ahead == 0 and end.ticks == MANY - 2, "a round's second interrupt", end)
-            self._next(end, 1)
+            self._add_next_round(end, 1)
 
-    def _rise(self, begins: list[Beginning]) -> None:
+    def _run_rises(self, begins: list[Beginning]) -> None:
         """Execute rises: the edge is in the same cycle for every begin."""
-        for end in self._edge(begins, 0, None) if begins else ():
+        for end in self._run_edges(begins, 0, None) if begins else ():
             self._check(end.ahead == 0 and not end.cleared, "a rise", end)
-            self._next(end, 1, PLAIN | FALL)
+            self._add_next_round(end, 1, PLAIN | FALL)
 
-    def _fall(self, begins: list[Beginning], fine: int) -> None:
+    def _run_falls(self, begins: list[Beginning], fine: int) -> None:
         # Only after an early fall can the next rise be in the next round (`layout.LATEST`).
         rests = (1, MANY) if fine <= LATEST else (MANY,)
         for rest in rests:
-            for end in self._edge(begins, rest, fine):
+            for end in self._run_edges(begins, rest, fine):
                 whole = 2 * end.cleared
                 self._check(end.ahead == 0 and end.ticks == rest - whole and end.rest == 0, "a fall", end)
                 # With so little left, the next rise is in the next round; else it is later.
                 may = PLAIN | RISE if end.cleared else RISE if rest == 1 else PLAIN
-                self._next(end, 2 if end.cleared else 1, may)
+                self._add_next_round(end, 2 if end.cleared else 1, may)
 
-    def _edge(self, begins: list[Beginning], rest: int, fine: int | None) -> list[Ending]:
+    def _run_edges(self, begins: list[Beginning], rest: int, fine: int | None) -> list[Ending]:
         """Return the ends of an interrupt with an edge; check its cycle."""
         ram = self.interrupt.code.ram
         known: Known = {ram[TICKS]: 1, ram[REST]: rest}

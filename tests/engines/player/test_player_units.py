@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from servogen.engines.firmware import ResourceError, TimingBudget
-from servogen.engines.inputs.buttons import ButtonPin, ControlButtons, waited, waited_motion
+from servogen.engines.inputs.buttons import ButtonPin, ControlButtons, motion_with_wait, with_wait
 from servogen.engines.inputs.commands import (
     CODES,
     CommandButton,
@@ -478,12 +478,12 @@ A, B = (Pulse(Cycles(0), Cycles(1000)),), (Pulse(Cycles(0), Cycles(1500)),)
 
 def test_waiting_repeats_the_first_frame() -> None:
     one = schedule((Run(2, A), Run(1, B)), (Run(5, B),))
-    assert waited(one, 0) is one
-    assert waited(one, 2).lead_in == (Run(4, A), Run(1, B)) and waited(one, 2).loop == one.loop
+    assert with_wait(one, 0) is one
+    assert with_wait(one, 2).lead_in == (Run(4, A), Run(1, B)) and with_wait(one, 2).loop == one.loop
     no_lead = schedule((), (Run(5, B), Run(1, A)))
-    assert waited(no_lead, 2).lead_in == (Run(2, B),)
+    assert with_wait(no_lead, 2).lead_in == (Run(2, B),)
     motion = JointTrajectory(("a",), CLOCK, Cycles(20_000), rows([1], [2], [3]), 1)
-    after = waited_motion(motion, 2)
+    after = motion_with_wait(motion, 2)
     assert after.angles[:, 0].tolist() == [1, 1, 1, 2, 3] and after.loop_start == 3
 
 
