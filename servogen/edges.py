@@ -19,8 +19,10 @@ from servogen.units import Clock, Cycles
 PINS = (*(f"RA{bit}" for bit in range(5)), *(f"RB{bit}" for bit in range(8)))
 """The thirteen pins; a pin's index here is its number in every trace."""
 
-PAIR_PINS = 2 * len(PINS)
-"""In a trace of two chips the pins of the other one have the numbers from `len(PINS)` on."""
+OTHER_PINS = 16
+"""In a trace of two chips the pins of the second one, or of the one that is not shown, are numbered from here
+on: numbers between are of other things at a chip, such as MCLR."""
+PAIR_PINS = OTHER_PINS + len(PINS)
 
 LOW, HIGH, UNDRIVEN = 0, 1, 2
 """Levels. A pin that nothing drives is `UNDRIVEN`: 0 in CSV, z in VCD."""

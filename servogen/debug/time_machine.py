@@ -108,11 +108,15 @@ class TimeMachine:
         stimulus: Stimulus | None = None,
         listing: Listing | None = None,
         loop: int | None = None,
+        machine: Machine | None = None,
     ) -> None:
-        """Power up the chip; `loop` is the number of cycles after which its program may do the same again."""
+        """Power up the chip; `loop` is the number of cycles after which its program may do the same again.
+
+        `machine` is one at power-up that is not alone: `image`, `options` and `stimulus` are its own.
+        """
         self.clock = clock
         self.listing = listing
-        self.machine = Machine(image, clock, options, stimulus)
+        self.machine = machine or Machine(image, clock, options, stimulus)
         """The chip at the current moment, to be read; only the time machine runs it."""
         self.line_ids, self.lines = _line_ids(listing)
         self._spacing = clock.round_seconds(SPACING_S)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 
-from servogen.edges import PINS
+from servogen.edges import OTHER_PINS, PINS
 from servogen.engines.inputs import EngineInput, given
 from servogen.engines.inputs.buttons import ControlButtons
 from servogen.engines.inputs.commands import Commander, commander
@@ -93,10 +93,10 @@ class Job:
 
     def pin_numbers(self, shown: int = 0) -> tuple[int, ...]:
         """Return the number of each servo's pin in a trace; of two chips the one that is not `shown` (0 or 1)
-        has those from `len(PINS)` on.
+        has those from `OTHER_PINS` on.
         """
         others = self.chips[1 - shown].servos if self.chips else ()
-        return tuple(PINS.index(servo.pin) + len(PINS) * (servo.name in others) for servo in self.servos)
+        return tuple(PINS.index(servo.pin) + OTHER_PINS * (servo.name in others) for servo in self.servos)
 
     @property
     def buttons(self) -> ControlButtons:

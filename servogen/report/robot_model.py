@@ -26,12 +26,15 @@ UNLIMITED = 1000.0
 """The speed, in radians per second, of a servo whose model states none."""
 
 
-def robot_model(job: PlannedJob) -> dict[str, object]:
-    """Return the servos and what they move."""
+def robot_model(job: PlannedJob, shown: int = 0) -> dict[str, object]:
+    """Return the servos and what they move; of two chips `shown` is the one whose pins come first."""
     mounts = [limb.mount for limb in job.limbs if limb.mount is not None]
     order = sorted(mounts, key=lambda mount: math.atan2(mount.y, mount.x))
     return {
-        "servos": [servo_model(servo, index) for index, servo in enumerate(job.servos)],
+        "servos": [
+            {**servo_model(servo, index), "pin": pin}
+            for index, (servo, pin) in enumerate(zip(job.servos, job.pin_numbers(shown), strict=True))
+        ],
         "ends": [_end(end) for end in moved_ends(job)],
         "body": [[mount.x, mount.y, mount.z] for mount in order],
         "base": None if job.base is None else _base(job, job.base),

@@ -1,7 +1,7 @@
 """Two chips on one crystal, with a wire from a pin of the first to a pin of the second.
 
 In: a machine that is `shown`, stepped and acted upon, and the `other` one, which keeps up with it. Out: one
-machine whose edges are those of both: the other one's pins have numbers from `len(PINS)` on.
+machine whose edges are those of both: the other one's pins have numbers from `OTHER_PINS` on.
 
     shown first     shown ──▶ edges on the wire's pin ──▶ applied to the other one's pin, which runs after it
     shown second    its stimulus is `FirstChip`, a first chip of its own that runs ahead of it; the other one,
@@ -15,7 +15,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from servogen.edges import HIGH, LOW, PINS, EdgeChunk, join, part
+from servogen.edges import HIGH, LOW, OTHER_PINS, UNDRIVEN, EdgeChunk, join, part
 from servogen.pic.image import Image
 from servogen.simulator.machine import Machine, Observation, Packed, Snapshot, Stimulus
 from servogen.simulator.options import SimulatorOptions
@@ -81,11 +81,12 @@ class PairedMachine(Machine):
 
     @property
     def levels(self) -> tuple[int, ...]:
-        return (*super().levels, *self._other.levels)
+        mine = super().levels
+        return (*mine, *[UNDRIVEN] * (OTHER_PINS - len(mine)), *self._other.levels)
 
     @property
     def pins(self) -> int:
-        return super().pins | self._other.pins << len(PINS)
+        return super().pins | self._other.pins << OTHER_PINS
 
     @property
     def edges_made(self) -> int:
@@ -141,5 +142,5 @@ class PairedMachine(Machine):
         theirs = other.run(self.cycles - other.cycles)
         if not len(theirs.cycle):
             return edges
-        both = join((edges, theirs._replace(pin=theirs.pin + np.uint8(len(PINS)))))
+        both = join((edges, theirs._replace(pin=theirs.pin + np.uint8(OTHER_PINS))))
         return part(both, np.argsort(both.cycle, kind="stable"))

@@ -40,6 +40,8 @@ class ScheduledEdges:
     tolerance: float = 0
     begin: int = 0
     end: int | None = None
+    beyond: int = 0
+    """What is added to the numbers of the pins, which are those of the other one of two chips."""
     _ends: list[int] = field(init=False, repr=False, compare=False)
     """The frame after each run of the schedule."""
 
@@ -49,7 +51,8 @@ class ScheduledEdges:
 
     @property
     def pins(self) -> npt.NDArray[np.uint8]:
-        return np.array([PINS.index(channel.pin) for channel in self.schedule.channels], dtype=np.uint8)
+        numbers = [PINS.index(channel.pin) + self.beyond for channel in self.schedule.channels]
+        return np.array(numbers, dtype=np.uint8)
 
     @property
     def margin(self) -> int:
@@ -102,14 +105,14 @@ def first_rise(schedule: PulseSchedule) -> int | None:
     return None
 
 
-def wanted_of(schedule: PulseSchedule, trace: EdgeTrace) -> ScheduledEdges | None:
+def wanted_of(schedule: PulseSchedule, trace: EdgeTrace, beyond: int = 0) -> ScheduledEdges | None:
     """Return the schedule as it begins with the trace's first pulse; None where there is none."""
-    pins = {PINS.index(channel.pin) for channel in schedule.channels}
+    pins = {PINS.index(channel.pin) + beyond for channel in schedule.channels}
     first = first_rise(schedule)
     for chunk in trace.driven():
         rising = np.flatnonzero(np.isin(chunk.pin, list(pins)) & (chunk.level == HIGH))
         if len(rising) and first is not None:
-            return ScheduledEdges(schedule, int(chunk.cycle[rising[0]]) - first)
+            return ScheduledEdges(schedule, int(chunk.cycle[rising[0]]) - first, beyond=beyond)
     return None
 
 

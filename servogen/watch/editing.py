@@ -28,6 +28,7 @@ from servogen.watch.motion import motion_of, pose_lines
 from servogen.watch.session import Message
 from servogen.watch.subject import Setting, Subject, job_subject
 from servogen.workflows.job_build import Build, build
+from servogen.workflows.pair import PairBuild, build_pair
 
 DEGREES, ROUNDING = 1, 1e-7
 """The number of decimals of a recorded angle in degrees, and of its last digit what rounding may be off."""
@@ -100,7 +101,8 @@ class Editor:
 
     def _build(self, text: str) -> tuple[Message, Subject]:
         job = plan_job(loads(text, str(self._path)))
-        return _built(build(job)), job_subject(self._path, job, self._setting)
+        answer = _built_pair(build_pair(job)) if job.chips else _built(build(job))
+        return answer, job_subject(self._path, job, self._setting)
 
     def _record(self, text: str, angles: list[float]) -> Message:
         """Return the text with one more pose: `angles` of the job's servos, in radians."""
@@ -220,6 +222,20 @@ def _built(result: Build) -> Message:
         "distance": plan_text(result.plan.schedule.plan_error),
         "reasons": [reason for program in result.programs for reason in map(str, program.verdict.reasons)],
         "warnings": [warning.sentence for warning in result.warnings],
-        "hex": to_hex(own.image),
-        "hex_name": f"{result.job.name}.hex",
+        "files": {f"{result.job.name}.hex": to_hex(own.image)},
+    }
+
+
+def _built_pair(result: PairBuild) -> Message:
+    parts = [_built(chip) for chip in result.chips]
+    verdicts = result.verdicts.values()
+    return {
+        "is": "built",
+        "exact": result.exact,
+        "frames": parts[0]["frames"],
+        "words": " and ".join(str(part["words"]) for part in parts),
+        "distance": parts[0]["distance"],
+        "reasons": [verdict.summary() for verdict in verdicts if not verdict.exact],
+        "warnings": [warning for part in parts for warning in part["warnings"]],
+        "files": {name: text for part in parts for name, text in part["files"].items()},
     }

@@ -32,14 +32,14 @@ class LiveBodies:
         """Raise InputError for a subject that moves no robot, ToolError where MuJoCo is missing."""
         if subject.job is None:
             raise InputError("nothing-to-show", "only a job has bodies: a program says nothing about a robot")
-        if len(subject.wanted) > 1:
+        if subject.wanted and subject.placed is None:
             raise InputError(
                 "nothing-to-show",
                 "the time between the pieces of this capture is unknown, and the bodies move in it",
             )
         self._clock = subject.clock
         self._place = place
-        self._twin = LiveTwin(subject.job, subject.clock, place.edges)
+        self._twin = LiveTwin(subject.job, subject.clock, place.edges, shown=subject.shown)
         self._height = float(self._twin.moment().pose[2])
         self._sent: tuple[int, bool] | None = None
         self._sensors = subject.image is not None and bool(subject.job.sensors)

@@ -178,7 +178,7 @@ class Room:
         if subject is self._subject:
             self._repetition, self._learning = repetition, False
             for window in self._windows.values():
-                if window.session is not None:
+                if window.session is not None and window.session.subject is subject:
                     window.session.knows(repetition)
 
     def _show(self, subject: Subject) -> None:
@@ -196,8 +196,27 @@ class Room:
     def _session(self, before: WatchSession | None, subject: Subject) -> WatchSession:
         """Return a session of the subject at the moment of another one, or at its own first."""
         if before is not None:
-            return before.continued(subject, self._repetition, learning=self._learning)
+            return self._showing(before, subject, before.subject.shown)
         return WatchSession(subject, self._live, self._repetition, learning=self._learning)
+
+    def _showing(self, before: WatchSession, subject: Subject, chip: int) -> WatchSession:
+        """Return a session of one chip of the subject at the moment of another one.
+
+        What the program does again and again is known only with the subject's own first chip shown.
+        """
+        shown = subject.showing(chip)
+        if shown is subject:
+            return before.continued(subject, self._repetition, learning=self._learning)
+        return before.continued(shown)
+
+    def _turn(self, window: Window, session: WatchSession, chip: object) -> None:
+        """Show the chip of that number, from 1 on, in a window."""
+        if self._subject is None or self._subject.pair is None or chip not in (1, 2):
+            self._send(window, {"is": "problem", "text": f"there is no chip {str(chip)[:40]}"})
+            return
+        window.session = self._showing(session, self._subject, 0 if chip == 1 else 1)
+        self._send(window, window.session.model())
+        self._send(window, window.session.shown())
 
     def _say(self, message: Message) -> None:
         self._status = message
@@ -240,6 +259,8 @@ class Room:
                     window.end_work("save", "build")
                 elif message.get("do") in ("check", "save", "build", "record", "pose"):
                     self._begin(self._edit(window, message))  # a stop must not wait for a build
+                elif window.session is not None and message.get("do") == "chip":
+                    self._turn(window, window.session, message.get("number"))
                 elif window.session is not None:
                     self._answer(window, _guarded(window.session, lambda s: s.handle(message)))  # noqa: B023
         except ConnectionClosed:

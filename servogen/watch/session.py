@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
-from itertools import islice, takewhile
+from itertools import groupby, islice, repeat, takewhile
 from math import inf
 from types import MappingProxyType
 from typing import Any
@@ -29,19 +29,19 @@ from servogen.debug.symbols import current_line, line_at
 from servogen.debug.time_machine import Repetition, TimeMachine
 from servogen.drive.commands import STOP
 from servogen.drive.on_command import REPEATS
-from servogen.edges import HIGH, PINS, UNDRIVEN, Driven, EdgeChunk, join
+from servogen.edges import HIGH, OTHER_PINS, PAIR_PINS, PINS, UNDRIVEN, Driven, EdgeChunk, join
 from servogen.engines.inputs.commands import CommandButton, CommandButtons, CommandLine, uart_byte
 from servogen.engines.stream.protocol import MAX_VALUE, SYNC
 from servogen.errors import Diagnostic, InputError, ServogenError
 from servogen.pic.device import EEPROM_BYTES, PACKAGE, RAM_FIRST
 from servogen.programs import JOB_SUFFIX
-from servogen.pulse.schedule import Run
+from servogen.pulse.schedule import Pulse, Run
 from servogen.pulses import PulseReader, Pulses, joined
 from servogen.report.robot_model import robot_model, schedule_model
 from servogen.simulator import LevelChange, Serial
 from servogen.simulator.layout import MCLR_PIN
 from servogen.simulator.observe import plain_assembly
-from servogen.simulator.sources import pin_number
+from servogen.simulator.sources import STIMULUS_PINS, pin_number
 from servogen.watch.differences import Edge, ScheduledEdges, differing
 from servogen.watch.live_bodies import LiveBodies
 from servogen.watch.live_line import LiveLine
@@ -121,6 +121,7 @@ class WatchSession:
                 subject.stimuli,
                 subject.listing,
                 _loop(subject),
+                subject.powered(),
             )
             self.chip.repetition = repetition
         self.recording = Recording(subject.trace) if subject.trace is not None else None
@@ -140,7 +141,7 @@ class WatchSession:
         self._period = _period(subject)
         self._sight = (0, 4 * self._period)
         """The window of time that the waves show."""
-        self._pulses = LatestPulses()
+        self._pulses = self._no_pulses()
         self._servo_pins = _servo_pins(subject)
         self._way: Iterator[None] | None = None
         """The way to a moment that was asked for, while it is being gone."""
@@ -151,6 +152,9 @@ class WatchSession:
         self.listener: SerialListener | None = None
         """What decodes the bytes on a pin of the chip, while the window listens to one."""
         self._go(subject.begin)
+
+    def _no_pulses(self) -> LatestPulses:
+        return LatestPulses(len(PINS) if self.subject.pair is None else PAIR_PINS)
 
     @property
     def now(self) -> int:
@@ -165,8 +169,8 @@ class WatchSession:
     def model(self) -> Message:
         """Return what does not change while it is watched."""
         subject = self.subject
-        schedule, listing, placed = subject.schedule, subject.listing, subject.wanted
-        robot = _robot(subject)
+        schedule, listing, placed = subject.schedule, subject.listing, subject.placed
+        robot, servos = _robot(subject), schedule.channels if schedule and not subject.pair else ()
         return {
             "is": "model",
             "name": subject.name,
@@ -174,21 +178,18 @@ class WatchSession:
             "cycle_us": float(subject.clock.cycle_us),
             "cycles_per_second": float(subject.clock.cycles_per_second),
             "pins": list(PINS),
+            "names": _pin_names(subject),
+            "chip": None if subject.pair is None else 1 + subject.shown,
             "package": [{"number": pin.number, "name": pin.name} for pin in PACKAGE],
             "period": self._frame,
             "runs": self.subject.image is not None,
             "end": int(self.recording.end) if self.recording else None,
-            "channels": [
-                {"name": channel.name, "pin": PINS.index(channel.pin)}
-                for channel in (schedule.channels if schedule else ())
-            ]
+            "channels": [{"name": channel.name, "pin": PINS.index(channel.pin)} for channel in servos]
             or [{"name": servo["name"], "pin": servo["pin"]} for servo in (robot or {}).get("servos", ())],
-            "schedule": None
-            if schedule is None
-            else {"lead_in": _runs(schedule.lead_in), "loop": _runs(schedule.loop)},
+            "schedule": _schedule(subject),
             "schedule_cycle_us": float(schedule.clock.cycle_us) if schedule else None,
-            "origin": placed[0].origin if len(placed) == 1 else None,
-            "compared": bool(placed),
+            "origin": placed.origin if placed is not None else None,
+            "compared": bool(subject.wanted),
             "verdict": subject.verdict,
             "first_difference": subject.first_difference,
             "differences": subject.differences,
@@ -339,8 +340,8 @@ class WatchSession:
     @property
     def _frame(self) -> float:
         """Return a frame of the schedule where it lies in the trace, whose clock may be another one."""
-        placed = self.subject.wanted
-        return placed[0].steps * placed[0].schedule.period if len(placed) == 1 else self._period
+        placed = self.subject.placed
+        return self._period if placed is None else placed.steps * placed.schedule.period
 
     def _follow(self) -> None:
         """Move the window of the waves so that the moment stays in sight while it runs."""
@@ -362,7 +363,7 @@ class WatchSession:
         frames = (SILENT_FRAMES + 1) * self._period
         for span in (frames, *(int(self.subject.clock.round_seconds(seconds)) for seconds in HELD_S)):
             begin = max(0, self.now - span)
-            self._pulses = LatestPulses()
+            self._pulses = self._no_pulses()
             self._pulses.add(self._place.edges(begin, self.now))
             if begin == 0 or all(self._pulses.held[pin] for pin in self._servo_pins):
                 break
@@ -702,8 +703,14 @@ class WatchSession:
         return self.chip
 
     def _do_explain(self, message: Mapping[str, Any]) -> Iterator[Message]:
-        pin = pin_number(str(message["pin"]))
-        yield {"is": "explanation", "pin": pin, "lines": explain_pin(self._program(), pin)}
+        name, chip = str(message["pin"]), self._program()
+        if name in _pin_names(self.subject)[OTHER_PINS:]:
+            number, _, pin = name.partition(".")
+            said = f"{pin} is on chip {number}: choose that chip to be told why it is as it is"
+            yield {"is": "explanation", "pin": _pin_names(self.subject).index(name), "lines": [said]}
+            return
+        number_on_chip = pin_number(name)
+        yield {"is": "explanation", "pin": number_on_chip, "lines": explain_pin(chip, number_on_chip)}
 
     def come_back(self, place: Mapping[str, Any]) -> None:
         """Take a place that a window had on a server that has ended; what is wrong with it is left out."""
@@ -736,11 +743,11 @@ class WatchSession:
 class LatestPulses:
     """The level of each pin, and the width of its latest pulse."""
 
-    def __init__(self) -> None:
-        self.levels = [UNDRIVEN] * len(PINS)
-        self.held = [0] * len(PINS)
+    def __init__(self, pins: int = len(PINS)) -> None:
+        self.levels = [UNDRIVEN] * pins
+        self.held = [0] * pins
         """The width of the latest pulse of each pin, however old; 0 if none is known."""
-        self._fall = [0] * len(PINS)
+        self._fall = [0] * pins
         self._reader = PulseReader()
 
     def add(self, chunk: EdgeChunk) -> None:
@@ -807,7 +814,9 @@ def repetition_of(subject: Subject) -> Repetition | None:
     loop = _loop(subject)
     if subject.image is None or loop is None:
         return None
-    chip = TimeMachine(subject.image, subject.clock, subject.options, subject.stimuli, loop=loop)
+    chip = TimeMachine(
+        subject.image, subject.clock, subject.options, subject.stimuli, loop=loop, machine=subject.powered()
+    )
     for _ in chip.going(int(subject.clock.round_seconds(MAX_CYCLE_S))):
         if chip.repetition is not None or chip.now > subject.clock.round_seconds(MAX_REPETITION_S):
             break
@@ -892,12 +901,51 @@ def _runs(runs: tuple[Run, ...]) -> list[list[Any]]:
     ]
 
 
+def _pin_names(subject: Subject) -> list[str]:
+    """Return the name of each pin by its number: those of a chip that is not shown have its number before."""
+    names = [*PINS, STIMULUS_PINS[MCLR_PIN]]
+    if subject.pair is not None:
+        names += [""] * (OTHER_PINS - len(names))
+        names += [f"{2 - subject.shown}.{pin}" for pin in PINS]
+    return names
+
+
+def _schedule(subject: Subject) -> Message | None:
+    """Return the runs of the schedule; those of two chips joined, with a pulse for each servo of the job."""
+    pair, schedule = subject.pair, subject.schedule
+    if schedule is None:
+        return None
+    if pair is None or subject.job is None:
+        return {"lead_in": _runs(schedule.lead_in), "loop": _runs(schedule.loop)}
+    first, second = pair.schedules
+    names = [channel.name for each in pair.schedules for channel in each.channels]
+    order = [names.index(servo.name) for servo in subject.job.servos]
+    waiting = Run(first.lead_in_frames - second.lead_in_frames, (None,) * len(second.channels))
+
+    def joined_runs(one: tuple[Run, ...], other: tuple[Run, ...]) -> list[list[Any]]:
+        frames = (
+            tuple((*mine, *others)[place] for place in order)
+            for mine, others in zip(_frames(one), _frames(other), strict=True)
+        )
+        return _runs(tuple(Run(len(list(alike)), pulses) for pulses, alike in groupby(frames)))
+
+    return {
+        "lead_in": joined_runs(first.lead_in, (waiting, *second.lead_in)),
+        "loop": joined_runs(first.loop, second.loop),
+    }
+
+
+def _frames(runs: tuple[Run, ...]) -> Iterator[tuple[Pulse | None, ...]]:
+    for run in runs:
+        yield from repeat(run.pulses, run.frames)
+
+
 def _robot(subject: Subject) -> Mapping[str, Any] | None:
     """Return what the pulses move: the robot of the job, or only the servos that the schedule names."""
     if subject.robot is not None:
         return subject.robot
     if subject.job is not None:
-        return robot_model(subject.job)
+        return robot_model(subject.job, subject.shown)
     return None if subject.schedule is None else schedule_model(subject.schedule)
 
 

@@ -12,8 +12,9 @@ from fractions import Fraction
 from math import ceil
 from pathlib import Path
 
-from servogen.edges import EdgeTrace, join
-from servogen.engines.board import board_of, inputs_of, machine_of
+from servogen.edges import OTHER_PINS, EdgeTrace, join
+from servogen.engines.board import board_of, inputs_of, machine_of, paired_machine
+from servogen.engines.firmware import Firmware
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.inputs import open_input
 from servogen.job import PlannedJob, load, plan_job
@@ -24,13 +25,14 @@ from servogen.programs import (
     C_SUFFIX,
     HEX_SUFFIXES,
     JOB_SUFFIX,
+    PAIR_FOLDERS,
     PROGRAM_SUFFIXES,
     clock_of,
     program_file,
     read_program,
 )
 from servogen.pulse import PulseSchedule
-from servogen.simulator import SimulatorOptions, Stimuli, load_stimuli
+from servogen.simulator import PairedMachine, SimulatorOptions, Stimuli, load_stimuli
 from servogen.traces.captures import SUFFIXES as CAPTURE_SUFFIXES
 from servogen.traces.captures import Capture, is_capture, read_capture
 from servogen.traces.formats import read_edges
@@ -46,6 +48,7 @@ from servogen.watch.differences import (
 )
 from servogen.workflows.certificates import beside, kept
 from servogen.workflows.engines import planned
+from servogen.workflows.pair import planned_pair
 from servogen.workflows.verification import judge_capture
 
 LOOPS = 2
@@ -74,6 +77,26 @@ class Setting:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class ChipPair:
+    """Two chips in one time, of which number `shown`, 0 or 1, is debugged; the first one's first."""
+
+    schedules: tuple[PulseSchedule, PulseSchedule]
+    firmware: tuple[Firmware, Firmware]
+    options: SimulatorOptions
+    """What the chips are besides their schedules."""
+    shown: int = 0
+
+    def beyond(self, number: int) -> int:
+        """Return what is added to the numbers of a chip's pins."""
+        return 0 if number == self.shown else OTHER_PINS
+
+    def powered(self) -> PairedMachine:
+        """Return both chips at power-up."""
+        first, second = (firmware.compilation.image for firmware in self.firmware)
+        return paired_machine(self.schedules, (first, second), self.shown, self.options)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Subject:
     """Either a program (`image`) or a recording (`trace`); `schedule` is what its edges are compared with.
 
@@ -92,8 +115,12 @@ class Subject:
     """The job that is watched or compared with, as its engine plays it."""
     stated: PlannedJob | None = None
     """The watched job as its text states it, without the frames that the engine puts before it."""
+    pair: ChipPair | None = None
+    """Both chips of a job of two: image, listing and schedule are those of the one that is shown."""
     wanted: tuple[ScheduledEdges, ...] = ()
-    """The schedule's position in the trace: one, or one for each of several captures in one file."""
+    """The schedule's position in the trace: one, or one for each of several captures in one file, or of two
+    chips.
+    """
     first_difference: Cycles | None = None
     differences: tuple[tuple[int, int], ...] = ()
     """The spans of cycles in which edges differ, as far as the trace was compared."""
@@ -112,6 +139,42 @@ class Subject:
     @property
     def name(self) -> str:
         return self.title or self.path.name
+
+    @property
+    def shown(self) -> int:
+        """Return the number of the chip that is shown, from 0 on."""
+        return self.pair.shown if self.pair is not None else 0
+
+    @property
+    def placed(self) -> ScheduledEdges | None:
+        """Return where the schedule lies in the trace, of two chips the first one's.
+
+        None: nowhere, or once in each of several captures.
+        """
+        return self.wanted[0] if len(self.wanted) == 1 or self.pair is not None else None
+
+    def powered(self) -> PairedMachine | None:
+        """Return both chips of a pair at power-up; None for one chip."""
+        return None if self.pair is None else self.pair.powered()
+
+    def showing(self, number: int) -> Subject:
+        """Return the same with another chip of a pair shown."""
+        if self.pair is None or number == self.pair.shown:
+            return self
+        pair = replace(self.pair, shown=number)
+        compiled = pair.firmware[number]
+        return replace(
+            self,
+            pair=pair,
+            options=board_of(pair.schedules[number], pair.options),
+            image=compiled.compilation.image,
+            listing=compiled.compilation.listing,
+            schedule=pair.schedules[number],
+            remarks=compiled.warnings,
+            wanted=tuple(
+                replace(wanted, beyond=pair.beyond(chip)) for chip, wanted in enumerate(self.wanted)
+            ),
+        )
 
 
 def check(path: Path) -> None:
@@ -182,6 +245,8 @@ def job_subject(
 ) -> Subject:
     """Return the subject that a planned job becomes: its firmware, compared with its schedule."""
     progress("planning")
+    if job.chips:
+        return _pair_subject(path, job, setting, progress)
     engine_plan = planned(job)
     progress(f"compiling {job.firmware.dialect}")
     firmware = engine_plan.make(job.firmware.dialect)
@@ -202,15 +267,43 @@ def job_subject(
     return _compared(subject, progress)
 
 
+def _pair_subject(path: Path, job: PlannedJob, setting: Setting, progress: Callable[[str], None]) -> Subject:
+    """Return both chips of a job in one time. Raises InputError."""
+    if setting.stimulus is not None:
+        message = "two chips read nothing that --stimulus could change"
+        raise InputError("chip-pair", message, job.document.place("chip"), "omit --stimulus")
+    played = planned_pair(job)
+    progress(f"compiling {job.firmware.dialect}")
+    pair = ChipPair(played.schedules, played.firmware(), setting.options)
+    schedule, firmware = pair.schedules[0], pair.firmware[0]
+    subject = Subject(
+        path,
+        schedule.clock,
+        board_of(schedule, setting.options),
+        firmware.compilation.image,
+        firmware.compilation.listing,
+        schedule=schedule,
+        job=played.job,
+        stated=job,
+        remarks=firmware.warnings,
+        pair=pair,
+    )
+    return _compared(subject, progress)
+
+
 def theorem_of(subject: Subject) -> str:
-    """Return what is proven of a program that is compared with its schedule, as `servogen build` says it."""
+    """Return what is proven of a program that is compared with its schedule, as `servogen build` says it; of
+    two chips, what is proven of the one that is shown.
+    """
     if subject.image is None or subject.schedule is None or subject.first_difference is not None:
         return ""
     text = subject.schedule.json_text().encode()
     built = subject.path
     if subject.job is not None and built.suffix.lower() == JOB_SUFFIX:
-        built = Path("build") / subject.job.name / "main.hex"
-    return kept([beside(built)], subject.image, text).sentence
+        folder = PAIR_FOLDERS[subject.shown] if subject.pair is not None else ""
+        built = Path("build") / subject.job.name / folder / "main.hex"
+    sentence = kept([beside(built)], subject.image, text).sentence
+    return sentence if subject.pair is None or not sentence else f"chip {1 + subject.shown}: {sentence}"
 
 
 def _recorded(path: Path, setting: Setting, progress: Callable[[str], None]) -> Subject:
@@ -276,13 +369,18 @@ def _compared(subject: Subject, progress: Callable[[str], None]) -> Subject:
     trace = subject.trace
     if trace is None:
         assert subject.image is not None
-        machine = machine_of(schedule, subject.image, subject.options)
+        machine = subject.powered() or machine_of(schedule, subject.image, subject.options)
         trace = EdgeTrace(schedule.clock, machine.stream(end), end).stored()
-    wanted = wanted_of(schedule, trace)
-    if wanted is None:
+    pair = subject.pair
+    chips = (
+        [(schedule, 0)] if pair is None else [(each, pair.beyond(n)) for n, each in enumerate(pair.schedules)]
+    )
+    found = [wanted for each, beyond in chips if (wanted := wanted_of(each, trace, beyond)) is not None]
+    if len(found) < len(chips):
         return subject
-    last = min(end, trace.end, wanted.begin_of(frames))
-    return _with_differences(replace(subject, wanted=(wanted,)), differences(wanted, trace, last))
+    last = min(end, trace.end, found[0].begin_of(frames))
+    edges = sorted(edge for wanted in found for edge in differences(wanted, trace, last))
+    return _with_differences(replace(subject, wanted=tuple(found)), edges)
 
 
 def _with_differences(subject: Subject, cycles: Iterable[int]) -> Subject:

@@ -75,6 +75,9 @@ class Page {
     click("explained", () => { byId("explanation").hidden = true; this.relay(); });
     click("dock", () => this.dock(!byId("views").classList.contains("beside"), true));
     this.dock((localStorage.getItem(DOCK) ?? (window.innerWidth >= 1700 ? "beside" : "")) === "beside");
+    byId("chip-number").addEventListener("change", () => {
+      this.send({ do: "chip", number: +byId("chip-number").value });
+    });
     byId("lane").addEventListener("change", () => {
       this.waves.choose(byId("lane").value === "" ? null : +byId("lane").value);
     });
@@ -219,6 +222,8 @@ class Page {
     this.hands?.end();
     this.serial?.end();
     this.chip = this.source = null;
+    byId("chips").hidden = !model.chip;
+    if (model.chip) byId("chip-number").value = model.chip;
     byId("views").classList.toggle("plain", !job && !model.runs);
     byId("job-bar").hidden = byId("job-state").hidden = !job;
     const texts = [...(job ? ["tab-job"] : []), ...(model.runs ? ["tab-source"] : [])];
@@ -288,7 +293,7 @@ class Page {
     if (said === this.labelled) return;
     this.labelled = said;
     const button = (row, index) => {
-      const pin = this.model.pins[row.pin] || "MCLR", why = `? why is ${pin} as it is`;
+      const pin = this.model.names[row.pin], why = `? why is ${pin} as it is`;
       const title = `${row.name}: why is ${pin} as it is?`, click = () => this.send({ do: "explain", pin });
       const made = element("button", { type: "button", "aria-label": why, title, click }, "?");
       made.style.top = `${waves.top(index)}px`;
@@ -307,7 +312,7 @@ class Page {
     for (const row of [...rows, ...this.waves.all]) if (row.heard) row.serial = row.heard = 0;
     if (pin === null) return;
     let row = rows.find(each => each.pin === pin);
-    if (!row) rows.push(row = { name: this.model.pins[pin], pin });
+    if (!row) rows.push(row = { name: this.model.names[pin], pin });
     if (!row.serial) Object.assign(row, { serial: bit, heard: bit });
     if (this.waves.data) this.waves.set(this.waves.data);
   }

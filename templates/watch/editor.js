@@ -195,12 +195,15 @@ export class Editor {
   built(message) {
     this.made = this.sent;
     this.stored(this.sent);
-    const { exact, frames, words, distance, reasons, hex_name: name } = message;
+    const { exact, frames, words, distance, reasons } = message;
     this.written(exact ? `built: exact over ${frames} frames, ${words} words; ${distance}`
       : `built, but NOT exact: ${reasons.join("; ")}`);
     this.places.progress.dataset.exact = exact;
-    const href = URL.createObjectURL(new Blob([message.hex], { type: "text/plain" }));
-    this.places.download.replaceChildren(element("a", { href, download: name }, `download ${name}`));
+    const link = ([name, text]) => {
+      const href = URL.createObjectURL(new Blob([text], { type: "text/plain" }));
+      return [element("a", { href, download: name }, `download ${name}`), " "];
+    };
+    this.places.download.replaceChildren(...Object.entries(message.files).flatMap(link));
     this.mark();
     this.plan("");
   }

@@ -46,7 +46,7 @@ export class Film {
     }));
     const model = {
       cycle_us: data.cycle_us, cycles_per_second: 1e6 / data.cycle_us, period: data.period / data.cycle_us,
-      origin: this.planned.length ? 0 : null, pins: data.pins,
+      origin: this.planned.length ? 0 : null, names: data.pins,
     };
     this.waves = new Waves(this.places.waves, model, {
       rows,

@@ -147,7 +147,7 @@ export class Waves {
     this.lanes = { pulses: byPin(pulses), edges: byPin(edges), wanted: byPin(wanted),
                    differing: byPin(differing), inputs: byPin(inputs) };
     const named = new Map((this.options.rows || []).map(row => [row.pin, row]));
-    const name = pin => ({ name: this.model.pins[pin] || "MCLR", pin });
+    const name = pin => ({ name: this.model.names[pin], pin });
     for (const { pin } of [...edges, ...inputs]) if (!named.has(pin)) named.set(pin, name(pin));
     for (const row of this.all) if (!named.has(row.pin) && !row.idle) named.set(row.pin, row);
     const idle = named.size ? [] : (this.options.idle || []).map(pin => ({ ...name(pin), idle: true }));
@@ -282,7 +282,7 @@ export class Waves {
       brush.fillText(row.name, 4, top, this.label - 22);
       if (this.row < 2.2 * this.text) return;
       brush.fillStyle = ink("--soft");
-      const pin = this.model.pins[row.pin];
+      const pin = this.model.names[row.pin];
       if (pin && pin !== row.name) brush.fillText(pin, 4, top + 1.08 * this.text, this.label - 22);
     });
     this.options.readout?.(this.words());

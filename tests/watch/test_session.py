@@ -728,8 +728,7 @@ def test_what_was_built_is_answered_and_shown(tmp_path: Path, monkeypatch: pytes
         "words": 90,
         "reasons": ["why 0", "why 1"],
         "warnings": ["a warning"],
-        "hex": to_hex(words[0]),
-        "hex_name": "arm.hex",
+        "files": {"arm.hex": to_hex(words[0])},
     }
     assert subject == (file, "job", setting)
     assert file.read_text() == text, "it is saved before it is built"

@@ -11,7 +11,7 @@ from click.testing import Result
 from typer.testing import CliRunner
 
 from servogen.cli.app import app
-from servogen.edges import HIGH, PINS, EdgeChunk, EdgeTrace, join
+from servogen.edges import HIGH, OTHER_PINS, EdgeChunk, EdgeTrace, join
 from servogen.engines.board import machine_of, paired_machine
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
@@ -189,7 +189,7 @@ def test_a_reset_of_the_second_chip_releases_it_until_the_first_begins_anew(
 
 def rows(edges: EdgeChunk, beyond: int = 0) -> list[tuple[int, int, int]]:
     """The edges before the 40th frame, with numbers of pins as where the first chip is shown."""
-    pins = (edges.pin.astype(int) + beyond) % (2 * len(PINS))
+    pins = (edges.pin.astype(int) + beyond) % (2 * OTHER_PINS)
     kept = edges.cycle < 40 * P - 2
     return sorted(zip(*(column[kept].tolist() for column in (edges.cycle, pins, edges.level)), strict=True))
 
@@ -204,14 +204,14 @@ def test_both_chips_in_one_machine_make_the_edges_of_each_alone(
     images = pair.chips[0].programs[0].image, pair.chips[1].programs[0].image
     alone = (
         rows(machine_of(first, images[0]).run(40 * P)),
-        rows(second_chip(second, images[1], wire).run(40 * P), len(PINS)),
+        rows(second_chip(second, images[1], wire).run(40 * P), OTHER_PINS),
     )
     both = paired_machine((first, second), images, shown)
     begin = both.snapshot()
     for _ in range(2):
         seen = [both.run(step) for _ in range(-(-40 * P // step))]
         assert all((np.diff(chunk.cycle) >= 0).all() for chunk in seen)
-        assert rows(join(seen), shown * len(PINS)) == sorted([*alone[0], *alone[1]])
+        assert rows(join(seen), shown * OTHER_PINS) == sorted([*alone[0], *alone[1]])
         both.restore(begin)
 
 
