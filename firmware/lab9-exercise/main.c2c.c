@@ -13,79 +13,61 @@
 /* XT, watchdog off, power-up timer on, no code protection: */
 asm __config 0x3FF1
 
-/* vertical 90 deg: 1500 us, horizontal 67.38 deg: 1437 us */
-void position_1(unsigned char frames)
+/* Waits `cycles`, and as many as its statements take: in turns of 8, and of 9 for those left over. */
+void wait_8(unsigned int cycles)
 {
-    while (1) {
-        PORTB = 0x01;   /* vertical high for 1500 us */
-        delay_ms(1); delay_10us(49); delay_us(9);
-        PORTB = 0x00;   /* vertical low */
-        delay_10us(49); delay_us(8);
-        PORTB = 0x02;   /* horizontal high for 1437 us */
-        delay_ms(1); delay_10us(43); delay_us(6);
-        PORTB = 0x00;   /* horizontal low */
-        clear_wdt();
-        delay_ms(16); delay_10us(49); delay_us(9);   /* the rest of the frame */
-        if (--frames == 0)
-            return;
-        delay_10us(5); delay_us(6);   /* as long as the path from one position to the next */
-    }
+    unsigned char turns, longer;
+
+    longer = cycles & 7;
+    turns = (cycles >> 3) - longer;
+    longer++;
+    do {
+        delay_us(5);
+    } while (--turns);
+    do {
+        delay_us(6);
+    } while (--longer);
 }
 
-/* vertical 90 deg: 1500 us, horizontal 112.6 deg: 1563 us */
-void position_2(unsigned char frames)
-{
-    while (1) {
-        PORTB = 0x01;   /* vertical high for 1500 us */
-        delay_ms(1); delay_10us(49); delay_us(9);
-        PORTB = 0x00;   /* vertical low */
-        delay_10us(49); delay_us(8);
-        PORTB = 0x02;   /* horizontal high for 1563 us */
-        delay_ms(1); delay_10us(56); delay_us(2);
-        PORTB = 0x00;   /* horizontal low */
-        clear_wdt();
-        delay_ms(16); delay_10us(37); delay_us(3);   /* the rest of the frame */
-        if (--frames == 0)
-            return;
-        delay_10us(5); delay_us(6);   /* as long as the path from one position to the next */
-    }
-}
+/* Widths of vertical in cycles, a frame each. */
+const unsigned int vertical_width[] = {
+    1500, 1500, 1500, 1500, 1500,   /* 90 deg, foot 25, 60, -100 mm */
+    1500, 1500, 1500, 1500, 1500, 1500, 1500, 1500, 1500,   /* 90 deg */
+    1500, 1500, 1500, 1500, 1500, 1500,   /* 90 deg, foot -25, 60, -100 mm */
+    1602, 1602, 1602, 1602, 1602,   /* 126.9 deg, foot -47.15, 50.77, -92 mm */
+    1602, 1602, 1602, 1602, 1602   /* 126.9 deg, foot 2.85, 69.23, -92 mm */
+};
 
-/* vertical 126.9 deg: 1602 us, horizontal 112.6 deg: 1563 us */
-void position_3(unsigned char frames)
-{
-    while (1) {
-        PORTB = 0x01;   /* vertical high for 1602 us */
-        delay_ms(1); delay_10us(60); delay_us(1);
-        PORTB = 0x00;   /* vertical low */
-        delay_10us(39); delay_us(6);
-        PORTB = 0x02;   /* horizontal high for 1563 us */
-        delay_ms(1); delay_10us(56); delay_us(2);
-        PORTB = 0x00;   /* horizontal low */
-        clear_wdt();
-        delay_ms(16); delay_10us(37); delay_us(3);   /* the rest of the frame */
-        if (--frames == 0)
-            return;
-        delay_10us(5); delay_us(6);   /* as long as the path from one position to the next */
-    }
-}
+/* Widths of horizontal in cycles, a frame each. */
+const unsigned int horizontal_width[] = {
+    1437, 1437, 1437, 1437, 1437,   /* 67.38 deg, foot 25, 60, -100 mm */
+    1450, 1462, 1475, 1487, 1500, 1513, 1525, 1538, 1550,   /* 71.9 deg to 108.1 deg */
+    1563, 1563, 1563, 1563, 1563, 1563,   /* 112.6 deg, foot -25, 60, -100 mm */
+    1563, 1563, 1563, 1563, 1563,   /* 112.6 deg, foot -47.15, 50.77, -92 mm */
+    1437, 1437, 1437, 1437, 1437   /* 67.38 deg, foot 2.85, 69.23, -92 mm */
+};
 
-/* vertical 126.9 deg: 1602 us, horizontal 67.38 deg: 1437 us */
-void position_4(unsigned char frames)
+/*
+ * Plays rows of the table, a frame each. A pulse is as long as its width: 160 cycles of it are statements and
+ * the delay behind them. What is left of the longest pulse is waited after it, so that each row takes as long.
+ */
+void move_1(unsigned char row, unsigned char rows)
 {
     while (1) {
-        PORTB = 0x01;   /* vertical high for 1602 us */
-        delay_ms(1); delay_10us(60); delay_us(1);
+        PORTB = 0x01;   /* vertical high */
+        wait_8(vertical_width[row] - 160); delay_10us(10); delay_us(8);
         PORTB = 0x00;   /* vertical low */
-        delay_10us(39); delay_us(6);
-        PORTB = 0x02;   /* horizontal high for 1437 us */
-        delay_ms(1); delay_10us(43); delay_us(6);
+        wait_8(1666 - vertical_width[row]); delay_10us(28);
+        PORTB = 0x02;   /* horizontal high */
+        wait_8(horizontal_width[row] - 160); delay_10us(10); delay_us(9);
         PORTB = 0x00;   /* horizontal low */
+        wait_8(1627 - horizontal_width[row]);
         clear_wdt();
-        delay_ms(16); delay_10us(49); delay_us(9);   /* the rest of the frame */
-        if (--frames == 0)
+        row++;
+        delay_ms(16); delay_10us(14); delay_us(9);   /* the rest of the frame */
+        if (--rows == 0)
             return;
-        delay_10us(5); delay_us(6);   /* as long as the path from one position to the next */
+        delay_10us(16); delay_us(3);   /* as long as the path from one position to the next */
     }
 }
 
@@ -95,123 +77,12 @@ void main(void)
     set_bit(STATUS, RP0);
     TRISB = 0xFC;
     clear_bit(STATUS, RP0);
-    delay_ms(19); delay_10us(99);   /* all low for one frame */
+    delay_ms(19); delay_10us(98); delay_us(9);   /* all low for one frame */
 
     while (1) {
 
-        /* vertical 90 deg: 1500 us, horizontal 67.38 deg: 1437 us, for 0.1 s */
-        position_1(5);
-        delay_10us(5); delay_us(7);
-
-        /* vertical 90 deg: 1500 us, horizontal 71.9 deg: 1450 us */
-        PORTB = 0x01;   /* vertical high for 1500 us */
-        delay_ms(1); delay_10us(49); delay_us(9);
-        PORTB = 0x00;   /* vertical low */
-        delay_10us(49); delay_us(8);
-        PORTB = 0x02;   /* horizontal high for 1450 us */
-        delay_ms(1); delay_10us(44); delay_us(9);
-        PORTB = 0x00;   /* horizontal low */
-        clear_wdt();
-        delay_ms(16); delay_10us(54); delay_us(7);
-
-        /* vertical 90 deg: 1500 us, horizontal 76.43 deg: 1462 us */
-        PORTB = 0x01;   /* vertical high for 1500 us */
-        delay_ms(1); delay_10us(49); delay_us(9);
-        PORTB = 0x00;   /* vertical low */
-        delay_10us(49); delay_us(8);
-        PORTB = 0x02;   /* horizontal high for 1462 us */
-        delay_ms(1); delay_10us(46); delay_us(1);
-        PORTB = 0x00;   /* horizontal low */
-        clear_wdt();
-        delay_ms(16); delay_10us(53); delay_us(5);
-
-        /* vertical 90 deg: 1500 us, horizontal 80.95 deg: 1475 us */
-        PORTB = 0x01;   /* vertical high for 1500 us */
-        delay_ms(1); delay_10us(49); delay_us(9);
-        PORTB = 0x00;   /* vertical low */
-        delay_10us(49); delay_us(8);
-        PORTB = 0x02;   /* horizontal high for 1475 us */
-        delay_ms(1); delay_10us(47); delay_us(4);
-        PORTB = 0x00;   /* horizontal low */
-        clear_wdt();
-        delay_ms(16); delay_10us(52); delay_us(2);
-
-        /* vertical 90 deg: 1500 us, horizontal 85.48 deg: 1487 us */
-        PORTB = 0x01;   /* vertical high for 1500 us */
-        delay_ms(1); delay_10us(49); delay_us(9);
-        PORTB = 0x00;   /* vertical low */
-        delay_10us(49); delay_us(8);
-        PORTB = 0x02;   /* horizontal high for 1487 us */
-        delay_ms(1); delay_10us(48); delay_us(6);
-        PORTB = 0x00;   /* horizontal low */
-        clear_wdt();
-        delay_ms(16); delay_10us(51);
-
-        /* vertical 90 deg: 1500 us, horizontal 90 deg: 1500 us */
-        PORTB = 0x01;   /* vertical high for 1500 us */
-        delay_ms(1); delay_10us(49); delay_us(9);
-        PORTB = 0x00;   /* vertical low */
-        delay_10us(49); delay_us(8);
-        PORTB = 0x02;   /* horizontal high for 1500 us */
-        delay_ms(1); delay_10us(49); delay_us(9);
-        PORTB = 0x00;   /* horizontal low */
-        clear_wdt();
-        delay_ms(16); delay_10us(49); delay_us(7);
-
-        /* vertical 90 deg: 1500 us, horizontal 94.52 deg: 1513 us */
-        PORTB = 0x01;   /* vertical high for 1500 us */
-        delay_ms(1); delay_10us(49); delay_us(9);
-        PORTB = 0x00;   /* vertical low */
-        delay_10us(49); delay_us(8);
-        PORTB = 0x02;   /* horizontal high for 1513 us */
-        delay_ms(1); delay_10us(51); delay_us(2);
-        PORTB = 0x00;   /* horizontal low */
-        clear_wdt();
-        delay_ms(16); delay_10us(48); delay_us(4);
-
-        /* vertical 90 deg: 1500 us, horizontal 99.05 deg: 1525 us */
-        PORTB = 0x01;   /* vertical high for 1500 us */
-        delay_ms(1); delay_10us(49); delay_us(9);
-        PORTB = 0x00;   /* vertical low */
-        delay_10us(49); delay_us(8);
-        PORTB = 0x02;   /* horizontal high for 1525 us */
-        delay_ms(1); delay_10us(52); delay_us(4);
-        PORTB = 0x00;   /* horizontal low */
-        clear_wdt();
-        delay_ms(16); delay_10us(47); delay_us(2);
-
-        /* vertical 90 deg: 1500 us, horizontal 103.6 deg: 1538 us */
-        PORTB = 0x01;   /* vertical high for 1500 us */
-        delay_ms(1); delay_10us(49); delay_us(9);
-        PORTB = 0x00;   /* vertical low */
-        delay_10us(49); delay_us(8);
-        PORTB = 0x02;   /* horizontal high for 1538 us */
-        delay_ms(1); delay_10us(53); delay_us(7);
-        PORTB = 0x00;   /* horizontal low */
-        clear_wdt();
-        delay_ms(16); delay_10us(45); delay_us(9);
-
-        /* vertical 90 deg: 1500 us, horizontal 108.1 deg: 1550 us */
-        PORTB = 0x01;   /* vertical high for 1500 us */
-        delay_ms(1); delay_10us(49); delay_us(9);
-        PORTB = 0x00;   /* vertical low */
-        delay_10us(49); delay_us(8);
-        PORTB = 0x02;   /* horizontal high for 1550 us */
-        delay_ms(1); delay_10us(54); delay_us(9);
-        PORTB = 0x00;   /* horizontal low */
-        clear_wdt();
-        delay_ms(16); delay_10us(44); delay_us(3);
-
-        /* vertical 90 deg: 1500 us, horizontal 112.6 deg: 1563 us, for 0.12 s */
-        position_2(6);
-        delay_10us(5); delay_us(3);
-
-        /* vertical 126.9 deg: 1602 us, horizontal 112.6 deg: 1563 us, for 0.1 s */
-        position_3(5);
-        delay_10us(5); delay_us(3);
-
-        /* vertical 126.9 deg: 1602 us, horizontal 67.38 deg: 1437 us, for 0.1 s */
-        position_4(5);
-        delay_10us(5); delay_us(1);
+        /* 30 frames of the table, in 0.6 s */
+        move_1(0, 30);
+        delay_10us(15); delay_us(7);
     }
 }

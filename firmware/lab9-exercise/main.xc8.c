@@ -14,79 +14,61 @@
 #pragma config FOSC = XT, WDTE = OFF, PWRTE = ON, CP = OFF
 #define _XTAL_FREQ 4000000
 
-/* vertical 90 deg: 1500 us, horizontal 67.38 deg: 1437 us */
-void position_1(unsigned char frames)
+/* Waits `cycles`, and as many as its statements take: in turns of 8, and of 9 for those left over. */
+void wait_8(unsigned int cycles)
 {
-    while (1) {
-        PORTB = 0x01;   /* vertical high for 1500 us */
-        _delay(1499);
-        PORTB = 0x00;   /* vertical low */
-        _delay(498);
-        PORTB = 0x02;   /* horizontal high for 1437 us */
-        _delay(1436);
-        PORTB = 0x00;   /* horizontal low */
-        CLRWDT();
-        _delay(16499);   /* the rest of the frame */
-        if (--frames == 0)
-            return;
-        _delay(56);   /* as long as the path from one position to the next */
-    }
+    unsigned char turns, longer;
+
+    longer = cycles & 7;
+    turns = (cycles >> 3) - longer;
+    longer++;
+    do {
+        _delay(5);
+    } while (--turns);
+    do {
+        _delay(6);
+    } while (--longer);
 }
 
-/* vertical 90 deg: 1500 us, horizontal 112.6 deg: 1563 us */
-void position_2(unsigned char frames)
-{
-    while (1) {
-        PORTB = 0x01;   /* vertical high for 1500 us */
-        _delay(1499);
-        PORTB = 0x00;   /* vertical low */
-        _delay(498);
-        PORTB = 0x02;   /* horizontal high for 1563 us */
-        _delay(1562);
-        PORTB = 0x00;   /* horizontal low */
-        CLRWDT();
-        _delay(16373);   /* the rest of the frame */
-        if (--frames == 0)
-            return;
-        _delay(56);   /* as long as the path from one position to the next */
-    }
-}
+/* Widths of vertical in cycles, a frame each. */
+const unsigned int vertical_width[] = {
+    1500, 1500, 1500, 1500, 1500,   /* 90 deg, foot 25, 60, -100 mm */
+    1500, 1500, 1500, 1500, 1500, 1500, 1500, 1500, 1500,   /* 90 deg */
+    1500, 1500, 1500, 1500, 1500, 1500,   /* 90 deg, foot -25, 60, -100 mm */
+    1602, 1602, 1602, 1602, 1602,   /* 126.9 deg, foot -47.15, 50.77, -92 mm */
+    1602, 1602, 1602, 1602, 1602   /* 126.9 deg, foot 2.85, 69.23, -92 mm */
+};
 
-/* vertical 126.9 deg: 1602 us, horizontal 112.6 deg: 1563 us */
-void position_3(unsigned char frames)
-{
-    while (1) {
-        PORTB = 0x01;   /* vertical high for 1602 us */
-        _delay(1601);
-        PORTB = 0x00;   /* vertical low */
-        _delay(396);
-        PORTB = 0x02;   /* horizontal high for 1563 us */
-        _delay(1562);
-        PORTB = 0x00;   /* horizontal low */
-        CLRWDT();
-        _delay(16373);   /* the rest of the frame */
-        if (--frames == 0)
-            return;
-        _delay(56);   /* as long as the path from one position to the next */
-    }
-}
+/* Widths of horizontal in cycles, a frame each. */
+const unsigned int horizontal_width[] = {
+    1437, 1437, 1437, 1437, 1437,   /* 67.38 deg, foot 25, 60, -100 mm */
+    1450, 1462, 1475, 1487, 1500, 1513, 1525, 1538, 1550,   /* 71.9 deg to 108.1 deg */
+    1563, 1563, 1563, 1563, 1563, 1563,   /* 112.6 deg, foot -25, 60, -100 mm */
+    1563, 1563, 1563, 1563, 1563,   /* 112.6 deg, foot -47.15, 50.77, -92 mm */
+    1437, 1437, 1437, 1437, 1437   /* 67.38 deg, foot 2.85, 69.23, -92 mm */
+};
 
-/* vertical 126.9 deg: 1602 us, horizontal 67.38 deg: 1437 us */
-void position_4(unsigned char frames)
+/*
+ * Plays rows of the table, a frame each. A pulse is as long as its width: 160 cycles of it are statements and
+ * the delay behind them. What is left of the longest pulse is waited after it, so that each row takes as long.
+ */
+void move_1(unsigned char row, unsigned char rows)
 {
     while (1) {
-        PORTB = 0x01;   /* vertical high for 1602 us */
-        _delay(1601);
+        PORTB = 0x01;   /* vertical high */
+        wait_8(vertical_width[row] - 160); _delay(108);
         PORTB = 0x00;   /* vertical low */
-        _delay(396);
-        PORTB = 0x02;   /* horizontal high for 1437 us */
-        _delay(1436);
+        wait_8(1666 - vertical_width[row]); _delay(280);
+        PORTB = 0x02;   /* horizontal high */
+        wait_8(horizontal_width[row] - 160); _delay(109);
         PORTB = 0x00;   /* horizontal low */
+        wait_8(1627 - horizontal_width[row]);
         CLRWDT();
-        _delay(16499);   /* the rest of the frame */
-        if (--frames == 0)
+        row++;
+        _delay(16149);   /* the rest of the frame */
+        if (--rows == 0)
             return;
-        _delay(56);   /* as long as the path from one position to the next */
+        _delay(163);   /* as long as the path from one position to the next */
     }
 }
 
@@ -94,123 +76,12 @@ void main(void)
 {
     PORTB = 0x00;
     TRISB = 0xFC;
-    _delay(19990);   /* all low for one frame */
+    _delay(19989);   /* all low for one frame */
 
     while (1) {
 
-        /* vertical 90 deg: 1500 us, horizontal 67.38 deg: 1437 us, for 0.1 s */
-        position_1(5);
-        _delay(57);
-
-        /* vertical 90 deg: 1500 us, horizontal 71.9 deg: 1450 us */
-        PORTB = 0x01;   /* vertical high for 1500 us */
-        _delay(1499);
-        PORTB = 0x00;   /* vertical low */
-        _delay(498);
-        PORTB = 0x02;   /* horizontal high for 1450 us */
-        _delay(1449);
-        PORTB = 0x00;   /* horizontal low */
-        CLRWDT();
-        _delay(16547);
-
-        /* vertical 90 deg: 1500 us, horizontal 76.43 deg: 1462 us */
-        PORTB = 0x01;   /* vertical high for 1500 us */
-        _delay(1499);
-        PORTB = 0x00;   /* vertical low */
-        _delay(498);
-        PORTB = 0x02;   /* horizontal high for 1462 us */
-        _delay(1461);
-        PORTB = 0x00;   /* horizontal low */
-        CLRWDT();
-        _delay(16535);
-
-        /* vertical 90 deg: 1500 us, horizontal 80.95 deg: 1475 us */
-        PORTB = 0x01;   /* vertical high for 1500 us */
-        _delay(1499);
-        PORTB = 0x00;   /* vertical low */
-        _delay(498);
-        PORTB = 0x02;   /* horizontal high for 1475 us */
-        _delay(1474);
-        PORTB = 0x00;   /* horizontal low */
-        CLRWDT();
-        _delay(16522);
-
-        /* vertical 90 deg: 1500 us, horizontal 85.48 deg: 1487 us */
-        PORTB = 0x01;   /* vertical high for 1500 us */
-        _delay(1499);
-        PORTB = 0x00;   /* vertical low */
-        _delay(498);
-        PORTB = 0x02;   /* horizontal high for 1487 us */
-        _delay(1486);
-        PORTB = 0x00;   /* horizontal low */
-        CLRWDT();
-        _delay(16510);
-
-        /* vertical 90 deg: 1500 us, horizontal 90 deg: 1500 us */
-        PORTB = 0x01;   /* vertical high for 1500 us */
-        _delay(1499);
-        PORTB = 0x00;   /* vertical low */
-        _delay(498);
-        PORTB = 0x02;   /* horizontal high for 1500 us */
-        _delay(1499);
-        PORTB = 0x00;   /* horizontal low */
-        CLRWDT();
-        _delay(16497);
-
-        /* vertical 90 deg: 1500 us, horizontal 94.52 deg: 1513 us */
-        PORTB = 0x01;   /* vertical high for 1500 us */
-        _delay(1499);
-        PORTB = 0x00;   /* vertical low */
-        _delay(498);
-        PORTB = 0x02;   /* horizontal high for 1513 us */
-        _delay(1512);
-        PORTB = 0x00;   /* horizontal low */
-        CLRWDT();
-        _delay(16484);
-
-        /* vertical 90 deg: 1500 us, horizontal 99.05 deg: 1525 us */
-        PORTB = 0x01;   /* vertical high for 1500 us */
-        _delay(1499);
-        PORTB = 0x00;   /* vertical low */
-        _delay(498);
-        PORTB = 0x02;   /* horizontal high for 1525 us */
-        _delay(1524);
-        PORTB = 0x00;   /* horizontal low */
-        CLRWDT();
-        _delay(16472);
-
-        /* vertical 90 deg: 1500 us, horizontal 103.6 deg: 1538 us */
-        PORTB = 0x01;   /* vertical high for 1500 us */
-        _delay(1499);
-        PORTB = 0x00;   /* vertical low */
-        _delay(498);
-        PORTB = 0x02;   /* horizontal high for 1538 us */
-        _delay(1537);
-        PORTB = 0x00;   /* horizontal low */
-        CLRWDT();
-        _delay(16459);
-
-        /* vertical 90 deg: 1500 us, horizontal 108.1 deg: 1550 us */
-        PORTB = 0x01;   /* vertical high for 1500 us */
-        _delay(1499);
-        PORTB = 0x00;   /* vertical low */
-        _delay(498);
-        PORTB = 0x02;   /* horizontal high for 1550 us */
-        _delay(1549);
-        PORTB = 0x00;   /* horizontal low */
-        CLRWDT();
-        _delay(16443);
-
-        /* vertical 90 deg: 1500 us, horizontal 112.6 deg: 1563 us, for 0.12 s */
-        position_2(6);
-        _delay(53);
-
-        /* vertical 126.9 deg: 1602 us, horizontal 112.6 deg: 1563 us, for 0.1 s */
-        position_3(5);
-        _delay(53);
-
-        /* vertical 126.9 deg: 1602 us, horizontal 67.38 deg: 1437 us, for 0.1 s */
-        position_4(5);
-        _delay(51);
+        /* 30 frames of the table, in 0.6 s */
+        move_1(0, 30);
+        _delay(157);
     }
 }

@@ -6,11 +6,12 @@ is an error.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
 from pathlib import Path
+from textwrap import wrap
 from traceback import walk_tb
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError, TemplateSyntaxError
@@ -76,6 +77,15 @@ def _environment() -> Environment:
         keep_trailing_newline=True,
         autoescape=False,
     )
+
+
+NUMBERS_WIDTH = 90
+"""The characters in a line of numbers."""
+
+
+def wrapped(values: Iterable[object]) -> list[str]:
+    """Return the numbers of a table in lines, without the comma that follows the last one."""
+    return wrap(", ".join(map(str, values)), NUMBERS_WIDTH)
 
 
 DIALECTS = ("c2c", "xc8", "sdcc")

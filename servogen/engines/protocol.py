@@ -7,7 +7,7 @@ listed here.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Protocol
@@ -17,6 +17,7 @@ from servogen.engines.inputs import EngineInput
 from servogen.errors import Diagnostic, Location
 from servogen.motion import JointTrajectory, Part
 from servogen.motion.gait.commands import CommandedDirection
+from servogen.motion.trajectory import Floats
 from servogen.pic.device import Device
 from servogen.pulse import PulseSchedule
 from servogen.pulse.plan import PulsePlan
@@ -47,6 +48,20 @@ class FirmwareChoice(Protocol):
         """Return whether the pulses should be as close as flash allows, below `max_error_us`."""
 
 
+class MovedEnd(Protocol):
+    """A foot or the tool that servos move."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def kind(self) -> str:
+        """Return "foot" or "tool"."""
+
+    def points(self, angles: Floats) -> Floats:
+        """Return where it is (n, 3), in metres, at the angles (n, servos) of all servos."""
+
+
 class EngineJob(Protocol):
     """The part of a job that an engine reads."""
 
@@ -73,6 +88,9 @@ class EngineJob(Protocol):
 
     @property
     def bindings(self) -> tuple[Binding, ...]: ...
+
+    @property
+    def ends(self) -> Sequence[MovedEnd]: ...
 
     @property
     def trajectory(self) -> JointTrajectory: ...

@@ -12,6 +12,7 @@ from servogen.engines.inputs.commands import Commander, commander
 from servogen.engines.inputs.serial import Stream
 from servogen.errors import Diagnostic, Location
 from servogen.job.chips import PairedChip
+from servogen.job.ends import End, moved_ends
 from servogen.job.schema import ExpectTable, Section, SensorTable, SupplyTable
 from servogen.job.tip import Tip
 from servogen.kinematics.protocol import DrivingRobot
@@ -119,6 +120,11 @@ class Job:
         if self.robot is not None:
             return self.robot.limbs
         return (self.tip.limb,) if self.tip is not None else ()
+
+    @property
+    def ends(self) -> tuple[End, ...]:
+        """Return the feet or the tool that the servos move; empty for servos that move no robot."""
+        return moved_ends(self.limbs, self.servos, self.bindings)
 
     @property
     def base(self) -> DrivingRobot | None:

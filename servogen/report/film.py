@@ -16,6 +16,7 @@ import numpy as np
 
 from servogen.errors import InputError, Location, ToolError
 from servogen.job import PlannedJob
+from servogen.job.ends import End, to_place
 from servogen.kinematics.protocol import WalkingRobot
 from servogen.motion.drive import positions
 from servogen.motion.gait.stability import support_polygon
@@ -24,7 +25,6 @@ from servogen.motion.trajectory import Floats
 from servogen.outputs import write_bytes
 from servogen.report.pictures import check_suffix, new_figure
 from servogen.report.sticks import base_outline, leg_sticks, stick
-from servogen.report.tracks import End, moved_ends, to_place
 from servogen.robot.model import Limb
 
 SUFFIXES = (".gif", ".mp4")
@@ -94,7 +94,7 @@ def job_scene(job: PlannedJob) -> FilmScene:
             *(FilmPart(list(line), "tab:blue", marks=False) for line in outline),
         ]
         return FilmScene(job.name, tuple(parts), step * frame_s, (90.0, -90.0))
-    ends = moved_ends(job)
+    ends = job.ends
     if not ends:
         raise InputError(
             "missing-robot",

@@ -21,7 +21,7 @@ from servogen.motion.trajectory import Floats
 from servogen.pulse import PulseSchedule
 from servogen.report.motion_table import widths_us
 from servogen.report.pictures import check_suffix, new_figure, plane, save
-from servogen.report.tracks import Track, moved_ends
+from servogen.report.tracks import Track
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -67,7 +67,7 @@ def motion_plot(job: PlannedJob, schedule: PulseSchedule, tracks: Sequence[Track
 
 def _draw_servos(axes: Axes, job: PlannedJob, times: Floats, values: Floats) -> None:
     """Draw one line per servo; those of one leg have one colour."""
-    ends = moved_ends(job)
+    ends = job.ends
     groups = len(ends) if len(ends) > 1 else len(job.servos)
     for index, servo in enumerate(job.servos):
         number, colour, dash = index, f"C{index % COLOURS}", "--" if index >= COLOURS else "-"

@@ -26,7 +26,6 @@ from servogen.report.tracks import (
     end_errors,
     end_tracks,
     largest_error,
-    moved_ends,
     standing_feet,
 )
 from servogen.robot.servo import Servo
@@ -227,7 +226,7 @@ def plan_facts(job: PlannedJob, plan: PulsePlan, engine: bool = False) -> PlanFa
 
 def rigid_legs_end(job: PlannedJob) -> tuple[float, float, float] | None:
     """Return where rigid legs take the body of a walk (`motion.gait.quasistatic`); None for other jobs."""
-    ends = moved_ends(job)
+    ends = job.ends
     angles = job.trajectory.angles
     if not isinstance(job.robot, WalkingRobot) or len(ends) < MIN_LEGS or np.isnan(angles).any():
         return None

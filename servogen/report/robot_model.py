@@ -13,11 +13,11 @@ import numpy as np
 
 from servogen.edges import PINS
 from servogen.job import PlannedJob
+from servogen.job.ends import End
 from servogen.kinematics.protocol import DrivingRobot
 from servogen.kinematics.transforms import frame_matrix
 from servogen.pulse import PulseSchedule
 from servogen.report.drawing import PALETTE
-from servogen.report.tracks import End, moved_ends
 from servogen.robot.servo import Servo, servo
 from servogen.robot.servo_models import names
 from servogen.robot.servo_models import servo_model as catalogue_model
@@ -35,7 +35,7 @@ def robot_model(job: PlannedJob, shown: int = 0) -> dict[str, object]:
             {**servo_model(servo, index), "pin": pin}
             for index, (servo, pin) in enumerate(zip(job.servos, job.pin_numbers(shown), strict=True))
         ],
-        "ends": [_end(end) for end in moved_ends(job)],
+        "ends": [_end(end) for end in job.ends],
         "body": [[mount.x, mount.y, mount.z] for mount in order],
         "base": None if job.base is None else _base(job, job.base),
     }

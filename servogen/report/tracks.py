@@ -19,18 +19,14 @@ from typing import Literal
 import numpy as np
 
 from servogen.job import PlannedJob
+from servogen.job.ends import End
 from servogen.job.schema import WalkTable
 from servogen.job.walks import posture_of
-from servogen.kinematics.forward import fk_position
-from servogen.kinematics.jacobian import jacobian
 from servogen.kinematics.protocol import DrivingRobot, Posture
 from servogen.kinematics.stance import level_centre, tilt
-from servogen.kinematics.transforms import mount_matrix
 from servogen.motion.drive import positions
 from servogen.motion.trajectory import Floats
 from servogen.pulse import PulseSchedule
-from servogen.robot.binding import Binding
-from servogen.robot.model import Arm
 from servogen.robot.servo import Servo
 
 ERROR_COLUMNS = ("end", "worst_mm", "rms_mm", "frame", "time_s", "jacobian_worst_mm", "jacobian_rms_mm")
@@ -41,45 +37,12 @@ SAME_DIGITS = 9
 Kind = Literal["foot", "tool", "base"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class End:
-    """A foot or tool: an `arm` placed by the matrix `place` (4, 4); `columns`: the servos of its joints."""
-
-    name: str
-    kind: Kind
-    arm: Arm
-    place: Floats
-    columns: tuple[int, ...]
-    bindings: tuple[Binding, ...]
-
-    def joints(self, angles: Floats) -> Floats:
-        """Return joint positions (n, joints) from the angles (n, servos) of all servos."""
-        bound = zip(self.bindings, self.columns, strict=True)
-        return np.stack([binding.position(angles[:, column]) for binding, column in bound], axis=1)
-
-    def points(self, angles: Floats) -> Floats:
-        """Return where it is (n, 3), in metres."""
-        return to_place(self.place, fk_position(self.arm, self.joints(angles)))
-
-    def shift(self, angles: Floats, change: Floats) -> Floats:
-        """Return how far (n, 3) a small `change` of the servos' angles moves it: J · change of the joints."""
-        slope = self.place[:3, :3] @ jacobian(self.arm, self.joints(angles))[:, :3, :]
-        ratios = np.array([binding.ratio for binding in self.bindings])
-        moved: Floats = np.einsum("nij,nj->ni", slope, change[:, list(self.columns)] / ratios)
-        return moved
-
-
 def standing_feet(job: PlannedJob, angles: Floats) -> tuple[Floats, tuple[float, float]]:
     """Return the feet (n, legs, 3) in the body's level frame, and the centre of mass over the ground."""
     posture = posture_of(job.section) if isinstance(job.section, WalkTable) else Posture()
-    feet = np.stack([end.points(angles) for end in moved_ends(job)], axis=1)
+    feet = np.stack([end.points(angles) for end in job.ends], axis=1)
     centre = getattr(job.robot, "centre_of_mass", (0.0, 0.0, 0.0))
     return np.asarray(feet @ tilt(posture).T), level_centre(posture, centre)
-
-
-def to_place(place: Floats, points: Floats) -> Floats:
-    """Return points (..., 3) of an arm's own frame in the frame that the matrix `place` (4, 4) leads to."""
-    return np.asarray(points @ place[:3, :3].T + place[:3, 3])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,33 +69,10 @@ class Track:
         return np.asarray(np.linalg.norm(self.shift, axis=1))
 
 
-def moved_ends(job: PlannedJob) -> tuple[End, ...]:
-    """Return the feet or the tool whose joints all have a servo; none for servos that move no robot."""
-    column = {servo.name: index for index, servo in enumerate(job.servos)}
-    by_joint = {binding.joint: binding for binding in job.bindings}
-    ends = []
-    for limb in job.limbs:
-        if all(name in by_joint for name in limb.joints):
-            bindings = tuple(by_joint[name] for name in limb.joints)
-            place = np.eye(4) if limb.mount is None else mount_matrix(limb.mount)
-            columns = tuple(column[binding.servo] for binding in bindings)
-            ends.append(
-                End(
-                    name=limb.name,
-                    kind=limb.end,
-                    arm=limb.arm,
-                    place=place,
-                    columns=columns,
-                    bindings=bindings,
-                )
-            )
-    return tuple(ends)
-
-
 def end_tracks(job: PlannedJob, schedule: PulseSchedule) -> tuple[Track, ...]:
     """Return the tracks of all ends of the job; a driving robot has one, its base's."""
     asked = job.trajectory.angles
-    ends = moved_ends(job)
+    ends = job.ends
     if not ends and not job.wheels:
         return ()
     achieved = made_angles(schedule, job.servos)

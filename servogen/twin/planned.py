@@ -18,7 +18,7 @@ from servogen.motion.drive import positions
 from servogen.motion.gait.quasistatic import rigid_body_path
 from servogen.motion.gait.steps import Segment
 from servogen.motion.loads import MIN_LEGS
-from servogen.report.tracks import moved_ends, standing_feet
+from servogen.report.tracks import standing_feet
 
 Floats = npt.NDArray[np.float64]
 
@@ -51,7 +51,7 @@ def planned_of(job: PlannedJob, lead_in_frames: int, loops: int) -> PlannedRoute
         poses = positions(job.base, np.nan_to_num(angles[:, job.wheel_columns]), frame_s)
         x, y, yaw = poses[-1].tolist()
         return PlannedRoute(frame_s, (x, y, yaw), rigid=poses)
-    ends = moved_ends(job)
+    ends = job.ends
     if not ends or np.isnan(angles).any():
         return PlannedRoute(frame_s)
     if ends[0].kind == "tool":

@@ -24,7 +24,6 @@ from servogen.job import PlannedJob
 from servogen.job.schema import SensorTable
 from servogen.pic.image import Image
 from servogen.pulse import PulseSchedule
-from servogen.report.tracks import moved_ends
 from servogen.simulator import LevelChange, Levels, Machine, Stimuli
 from servogen.simulator.sources import pin_number
 from servogen.twin.bodies import FOOT_RADIUS_M, Bodies, bodies
@@ -179,7 +178,7 @@ def standing(job: PlannedJob, settings: TwinSettings) -> tuple[TwinRig, Bodies, 
 
 def _held_at(job: PlannedJob) -> float:
     """Return the height at which the lowest planned foot just touches the ground."""
-    feet = [end.points(job.trajectory.angles)[:, 2] for end in moved_ends(job) if end.kind == "foot"]
+    feet = [end.points(job.trajectory.angles)[:, 2] for end in job.ends if end.kind == "foot"]
     lowest = min((float(np.nanmin(heights)) for heights in feet if not np.isnan(heights).all()), default=0.0)
     return -lowest
 

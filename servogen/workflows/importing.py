@@ -32,7 +32,7 @@ from servogen.job.schema import SECTIONS
 from servogen.motion import JointTrajectory
 from servogen.motion.trajectory import Floats
 from servogen.recordings import RecordedMotion
-from servogen.report.tracks import made_angles, moved_ends
+from servogen.report.tracks import made_angles
 from servogen.robot.binding import Binding
 from servogen.robot.servo import Servo
 from servogen.robot.servo_models import servo_model
@@ -362,7 +362,7 @@ def deviations(motion: RecordedMotion, asked: PlannedJob, played: PlayedJob | No
         worst = int(np.argmax(off))
         us = float(off[worst]) / servo.calibration.per_us
         found.append(Deviation(servo.name, float(times[worst]), place(worst), float(off[worst]), us))
-    for end in moved_ends(asked):
+    for end in asked.ends:
         away = np.linalg.norm(end.points(there) - end.points(wanted), axis=1)
         worst = int(np.argmax(np.where(np.isnan(away), np.inf, away)))
         found.append(Deviation(end.name, float(times[worst]), place(worst), distance_m=float(away[worst])))

@@ -17,10 +17,11 @@ import numpy as np
 
 from servogen.compiler import Options, Source, compile_sources
 from servogen.edges import PINS, join
-from servogen.engines.sequence.programs import START, DelayPath, Hold, Overheads
+from servogen.engines.sequence.programs import START, DelayPath, Hold, Move, Overheads, SilentStep
 from servogen.engines.sequence.programs import Sequence as Program
-from servogen.engines.sequence.rendering import angle_texts, render
+from servogen.engines.sequence.rendering import comments_of, render
 from servogen.engines.sequence.sequencing import MARGIN, sequence
+from servogen.engines.sequence.tables import FIXED
 from servogen.engines.sequence.tuning import TunedFirmware, edges_to_watch
 from servogen.errors import InputError, Location
 from servogen.job import PlannedJob
@@ -102,8 +103,8 @@ def tune_to(
     verdict = judge_image(schedule, theirs, span)
     if verdict.edges_agree:
         return Tuned(verdict, tuple(added), "")
-    angles = angle_texts(played.plan.widths, job.servos)
-    following = render(sequence(schedule, overheads), dialect, job.device, job.name, angles)
+    comments = comments_of(job, played.plan)
+    following = render(sequence(schedule, overheads), dialect, job.device, job.name, comments)
     return Tuned(verdict, tuple(added), following)
 
 
@@ -120,16 +121,17 @@ def _overheads(
     """
     ways = _ways(program)
     costs: dict[DelayPath, int] = {}
+    most = MARGIN + (FIXED if program.moves else 0)  # the statements around the loop that waits for a width
     for index, (path, _) in enumerate(islice(program.walk(), len(ours))):
         delays, taken, cycle = _since(ours, index) - known.of(path), _since(seen, index), seen[index].cycle
         cost = taken - delays
-        if path != START and not 0 <= cost <= MARGIN:
+        if path != START and not 0 <= cost <= most:
             raise InputError(
                 "foreign-program",
                 f"is not compiled from {files[1]}: {ways[path]} it takes {taken} cycles up to cycle {cycle}, "
                 f"where the C's delays are {delays}",
                 Location(files[0]),
-                f"a compiler adds 0 to {MARGIN} cycles; name the C of the HEX with --c",
+                f"a compiler adds 0 to {most} cycles; name the C of the HEX with --c",
             )
         if costs.setdefault(path, cost) != cost:
             raise InputError(
@@ -187,20 +189,25 @@ def _ways(program: Program) -> Mapping[DelayPath, str]:
     """Return a description of each path, to follow a subject."""
     ways = {START: "from reset to the first edge"}
     for step in (*program.lead_in, *program.loop):
-        if isinstance(step, Hold):
+        if not isinstance(step, SilentStep):
             ways.update(_ways_of(step, program.schedule))
     return ways
 
 
-def _ways_of(step: Hold, schedule: PulseSchedule) -> Iterator[tuple[DelayPath, str]]:
-    name = f"position_{step.position.number}" if step.position else f"the frame of step {step.number + 1}"
-    owner = step.position.number if step.position else -step.number
-    for index, edge in enumerate(step.frame.edges):
+def _ways_of(step: Hold | Move, schedule: PulseSchedule) -> Iterator[tuple[DelayPath, str]]:
+    if isinstance(step, Move):
+        frame, owner, inner, again = step.function.frame, step.function.table.number, "row", "next"
+        name = f"move_{owner}"
+    else:
+        frame, inner, again = step.frame, "in", "again"
+        owner = step.position.number if step.position else -step.number
+        name = f"position_{owner}" if step.position else f"the frame of step {step.number + 1}"
+    for index, edge in enumerate(frame.edges):
         words = " and ".join(
             f"{schedule.channels[channel].name} {'high' if level else 'low'}"
             for channel, level in edge.changes
         )
-        yield DelayPath("in", owner, index), f"in {name} after {words}"
-    yield DelayPath("again", owner), f"from one {name} to the next"
+        yield DelayPath(inner, owner, index), f"in {name} after {words}"
+    yield DelayPath(again, owner), f"from one {name} to the next"
     yield DelayPath("turn", step.number), f"from a call of step {step.number + 1} to its next"
     yield DelayPath("after", step.number), f"from step {step.number + 1} to the next"

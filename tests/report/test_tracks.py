@@ -10,7 +10,7 @@ import pytest
 from servogen.job import PlannedJob, loads, plan_job
 from servogen.pulse.plan import plan
 from servogen.report.film import job_scene
-from servogen.report.tracks import Track, end_errors, end_tracks, largest_error, made_angles, moved_ends
+from servogen.report.tracks import Track, end_errors, end_tracks, largest_error, made_angles
 from tests.report.planned import planned
 
 JOBS = Path(__file__).parents[2] / "jobs"
@@ -22,7 +22,7 @@ def scaled(job: PlannedJob, share: float) -> tuple[Track, ...]:
     schedule = plan(job.trajectory, job.servos, job.frame).schedule
     off = share * (made_angles(schedule, job.servos) - job.trajectory.angles)
     found = []
-    for end in moved_ends(job):
+    for end in job.ends:
         asked = job.trajectory.angles
         before, after = end.points(asked), end.points(asked + off)
         found.append(Track(end.name, end.kind, before, after, end.shift(asked, off)))

@@ -12,6 +12,7 @@ import pytest
 
 from servogen.edges import PINS
 from servogen.job import load, loads, plan_job
+from servogen.job.ends import to_place
 from servogen.kinematics.leg_kinds import LEG_KINDS
 from servogen.pulse import Channel, Pulse, PulseSchedule, Run
 from servogen.report import robot_model, tracks
@@ -23,7 +24,6 @@ from servogen.report.tracks import (
     error_rows,
     largest_error,
     made_angles,
-    to_place,
 )
 from servogen.units import Clock, Cycles
 

@@ -14,10 +14,10 @@ import pytest
 
 from servogen.edges import UNDRIVEN, EdgeChunk, EdgeTrace
 from servogen.job import load, plan_job
+from servogen.job.ends import to_place
 from servogen.motion.drive import positions
 from servogen.report.robot_model import robot_model
 from servogen.report.sticks import stick
-from servogen.report.tracks import moved_ends, to_place
 from servogen.simulator import Serial
 from servogen.units import Clock, Cycles
 from servogen.watch.session import WatchSession
@@ -56,10 +56,10 @@ def test_corners_and_angles_are_those_of_the_library(name: str) -> None:
     angles = low + (high - low) * dice.random((20, len(job.servos)))
     widths = [(index, float(width)) for index in range(len(job.servos)) for width in range(700, 2300, 97)]
     made = calculated(**model, angles=angles.tolist(), widths=widths)
-    for end, corners in zip(moved_ends(job), made["corners"], strict=True):
+    for end, corners in zip(job.ends, made["corners"], strict=True):
         wanted = to_place(end.place, stick(end.arm, end.joints(angles)))
         assert np.allclose(np.array(corners), wanted, atol=1e-12)
-    assert len(made["corners"]) == len(moved_ends(job))
+    assert len(made["corners"]) == len(job.ends)
     assert made["angles"] == pytest.approx([job.servos[index].angle(width) for index, width in widths])
     assert made["widths"] == pytest.approx([width for _, width in widths])
 

@@ -102,10 +102,10 @@ def test_a_sequence_with_pauses_and_long_runs_is_exact_too() -> None:
 
 @pytest.mark.campaign
 def test_a_compiler_whose_delays_are_too_long_needs_more_rounds() -> None:
-    """A cycle more for every 588 asked for: the delays of the next C are others, and so is what they cost."""
+    """A cycle more for every 120 asked for: the delays of the next C are others, and so is what they cost."""
 
     def compiler(text: str) -> Image:
-        long = re.sub(r"_delay\((\d+)\);", lambda call: f"_delay({int(call[1]) * 589 // 588});", text)
+        long = re.sub(r"_delay\((\d+)\);", lambda call: f"_delay({int(call[1]) * 121 // 120});", text)
         return other_compiler(long, "xc8", job("lab9-exercise").device, 0)
 
     found = tuned("lab9-exercise", "xc8", compiler, rounds=6)
@@ -127,7 +127,7 @@ def test_one_cycle_more_behind_one_statement_is_found_and_named() -> None:
     usual = other_compiler(text, "xc8", job("lab9-exercise").device, 0)
     said, before = (tune_to(job("lab9-exercise"), each, "theirs.hex", "xc8") for each in (image, usual))
     changed = [(a.path, a.theirs - b.theirs) for a, b in zip(said.added, before.added, strict=True) if a != b]
-    assert changed == [("in position_1 after horizontal high", 1)]
+    assert changed == [("in move_1 after horizontal high", 1)]
 
 
 def test_the_hex_of_another_job_is_refused_with_what_differs() -> None:
@@ -176,7 +176,7 @@ def writes(*cycles: int) -> list[_Write]:
 def test_what_a_way_costs_is_its_time_less_its_delays(monkeypatch: pytest.MonkeyPatch) -> None:
     """Delays of 100, 180, 270 and again 180 cycles; servogen's statements add 10, 20 and 30 to them."""
     first, second = DelayPath("in", 1, 0), DelayPath("again", 1)
-    program = SimpleNamespace(walk=lambda: ((path, None) for path in (START, first, second, first)))
+    program = SimpleNamespace(walk=lambda: ((path, None) for path in (START, first, second, first)), moves=())
     known = Overheads({START: 10, first: 20, second: 30})
     ours = writes(110, 310, 610, 810)
     monkeypatch.setattr(retarget, "_ways", lambda program: {START: "a", first: "b", second: "c"})

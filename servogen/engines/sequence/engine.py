@@ -20,12 +20,11 @@ class SequenceEngine:
 
         @cache
         def make(dialect: str) -> Firmware:
-            # The compiler: only to make the firmware.
-            from servogen.engines.sequence.rendering import angle_texts
-            from servogen.engines.sequence.tuning import tune
+            from servogen.engines.sequence.rendering import comments_of
+            from servogen.engines.sequence.tuning import tune  # the compiler: only to make the firmware
 
-            angles = angle_texts(planned.widths, job.servos)
-            return tune(planned.schedule, dialect, job.device, job.name, angles)
+            comments = comments_of(job, planned)
+            return tune(planned.schedule, dialect, job.device, job.name, comments)
 
         return EnginePlan(job.trajectory, planned, make)
 

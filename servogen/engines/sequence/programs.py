@@ -3,11 +3,11 @@
 `Sequence.walk` yields the delays between any two edges, so that the cycles that a compiler's code takes in
 addition (`Overheads`) can be measured; the next rendering subtracts them from its delays.
 
-    position(frames)          main
-    ┌─ edge, wait, edge …      ┌─ position_1(100), wait
-    │  gap                     │  position_2(250), wait
-    │  last frame? ── return   │  pause
-    └─ again                   └─ …
+    position(frames)          main                       move(row, rows)
+    ┌─ edge, wait, edge …      ┌─ position_1(100), wait    ┌─ edge, wait for a width of this row, edge …
+    │  gap                     │  move_1(0, 70), wait      │  gap
+    │  last frame? ── return   │  pause                    │  last row? ── return
+    └─ again                   └─ …                        └─ next
 """
 
 from __future__ import annotations
@@ -25,8 +25,9 @@ class DelayPath:
     """A path through the program from one edge to the next that has its own delay.
 
     `kind` is "start" (from reset to the first edge), "in" (inside a frame, after its edge `edge`),
-    "again" (from a frame to the same frame again), "turn" (from a call of step `owner` to its next call)
-    or "after" (from step `owner` to the next one).
+    "again" (from a frame to the same frame again), "turn" (from a call of step `owner` to its next call),
+    "row" (inside a row of table `owner`, after its edge `edge`), "next" (from a row of table `owner` to the
+    next one) or "after" (from step `owner` to the next one).
     """
 
     kind: str
@@ -52,20 +53,37 @@ class Overheads:
 
 
 @dataclass(frozen=True, slots=True)
+class TableDelay:
+    """A delay by the table: `offset` plus (`sign` 1) or minus (-1) the width of `channel` in the row."""
+
+    channel: int
+    sign: int
+    offset: int
+
+    def cycles(self, row: Run) -> Cycles:
+        """Return the delay in a row."""
+        pulse = row.pulses[self.channel]
+        return Cycles(self.offset + self.sign * (pulse.width if pulse else 0))
+
+
+@dataclass(frozen=True, slots=True)
 class Edge:
     """A port write: `value` goes to port A or B; `channels` are the (channel, level) that it changes."""
 
     cycle: Cycles
+    """Where it is in the frame; of an edge whose place the row tells, the end of the delay after it."""
     port: str
     value: int
     changes: tuple[tuple[int, int], ...]
     wait: Cycles
     """The delay after it; the frame's last edge has none."""
+    table: TableDelay | None = None
+    """The delay before `wait` that differs from row to row."""
 
 
 @dataclass(frozen=True, slots=True)
 class FrameEdges:
-    """One frame's edges in order of time."""
+    """One frame's edges in order of time; in a table's frame `run` is its first row."""
 
     edges: tuple[Edge, ...]
     run: Run
@@ -112,6 +130,54 @@ class Hold:
 
 
 @dataclass(frozen=True, slots=True)
+class WidthTable:
+    """The widths of the channels that move, a row for each frame, and the cycles of a turn of the loop that
+    waits for them.
+    """
+
+    number: int
+    rows: tuple[Run, ...]
+    channels: tuple[int, ...]
+    turn: Cycles
+
+    @property
+    def words(self) -> int:
+        """Return the words of flash that the widths take."""
+        return 2 * len(self.rows) * len(self.channels)
+
+    def longest(self, channel: int) -> Cycles:
+        """Return the cycles from a channel's rise to the end of the delay after its fall, in every row."""
+        widest = max(pulse.width for row in self.rows if (pulse := row.pulses[channel]))
+        return Cycles(widest + self.turn**2)
+
+
+@dataclass(frozen=True, slots=True)
+class RowFunction:
+    """A function that plays successive rows of its table, a frame each."""
+
+    table: WidthTable
+    frame: FrameEdges
+    gap: Cycles
+    next: Cycles
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """A step: `rows` rows of a table from row `first` on; then `after`."""
+
+    number: int
+    function: RowFunction
+    first: int
+    rows: int
+    after: Cycles
+
+    @property
+    def played(self) -> tuple[Run, ...]:
+        """Return the rows."""
+        return self.function.table.rows[self.first : self.first + self.rows]
+
+
+@dataclass(frozen=True, slots=True)
 class SilentStep:
     """A step without pulses."""
 
@@ -119,7 +185,7 @@ class SilentStep:
     wait: Cycles
 
 
-Step = Hold | SilentStep
+Step = Hold | Move | SilentStep
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +195,7 @@ class Sequence:
     schedule: PulseSchedule
     start: Cycles
     positions: tuple[FrameFunction, ...]
+    moves: tuple[RowFunction, ...]
     lead_in: tuple[Step, ...]
     loop: tuple[Step, ...]
 
@@ -139,22 +206,41 @@ class Sequence:
             if isinstance(step, SilentStep):
                 asked = Cycles(asked + step.wait)
                 continue
-            gap = step.position.gap if step.position else Cycles(0)
-            for left in reversed(range(step.all_frames)):
-                for index, edge in enumerate(step.frame.edges):
-                    yield path, asked
-                    path, asked = DelayPath("in", _owner(step), index), edge.wait
-                if left == 0:
-                    path, asked = DelayPath("after", step.number), Cycles(gap + step.after)
-                elif left % step.frames == 0:
-                    path, asked = DelayPath("turn", step.number), Cycles(gap + step.turn)
-                elif step.position:
-                    path, asked = DelayPath("again", _owner(step)), Cycles(gap + step.position.again)
+            for following in _row_delays(step) if isinstance(step, Move) else _frame_delays(step):
+                yield path, asked
+                path, asked = following
 
     def _steps(self) -> Iterator[Step]:
         yield from self.lead_in
-        while any(isinstance(step, Hold) for step in self.loop):
+        while any(not isinstance(step, SilentStep) for step in self.loop):
             yield from self.loop
+
+
+def _frame_delays(step: Hold) -> Iterator[tuple[DelayPath, Cycles]]:
+    """Yield for each edge of a step the path that it begins, and the delays on it."""
+    gap = step.position.gap if step.position else Cycles(0)
+    for left in reversed(range(step.all_frames)):
+        for index, edge in enumerate(step.frame.edges[:-1]):
+            yield DelayPath("in", _owner(step), index), edge.wait
+        if left == 0:
+            yield DelayPath("after", step.number), Cycles(gap + step.after)
+        elif left % step.frames == 0:
+            yield DelayPath("turn", step.number), Cycles(gap + step.turn)
+        elif step.position:
+            yield DelayPath("again", _owner(step)), Cycles(gap + step.position.again)
+
+
+def _row_delays(step: Move) -> Iterator[tuple[DelayPath, Cycles]]:
+    function, number = step.function, step.function.table.number
+    edges = function.frame.edges
+    for left, row in zip(reversed(range(step.rows)), step.played, strict=True):
+        waits = [edge.wait + (edge.table.cycles(row) if edge.table else 0) for edge in edges]
+        for index, wait in enumerate(waits[:-1]):
+            yield DelayPath("row", number, index), Cycles(wait)
+        if left:
+            yield DelayPath("next", number), Cycles(waits[-1] + function.gap + function.next)
+        else:
+            yield DelayPath("after", step.number), Cycles(waits[-1] + function.gap + step.after)
 
 
 def _owner(step: Hold) -> int:

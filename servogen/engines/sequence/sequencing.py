@@ -4,13 +4,13 @@ In: a `PulseSchedule` and the `Overheads` of a compiler. Out: a `Sequence` with 
 
 The paths back to the same frame and on to the next step differ in cycles; a position's `gap` ends `MARGIN`
 before the shorter one, and `again` and the step's own wait make up the rest of each. A run longer than a byte
-counts is a loop of calls, whose path back has its own wait (`turn`).
+counts is a loop of calls, whose path back has its own wait (`turn`). Frames that differ one by one are
+rows of a table (`tables`).
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
 from itertools import pairwise
 
 from servogen.engines.sequence.programs import (
@@ -20,10 +20,16 @@ from servogen.engines.sequence.programs import (
     FrameEdges,
     FrameFunction,
     Hold,
+    Move,
     Overheads,
+    RowFunction,
     Sequence,
     SilentStep,
+    Step,
+    TableDelay,
+    WidthTable,
 )
+from servogen.engines.sequence.tables import FIXED, SchedulePart, in_tables, pulsed
 from servogen.errors import InputError
 from servogen.pulse import PulseSchedule, Run
 from servogen.units import Cycles, counted
@@ -40,55 +46,81 @@ FEW_FRAMES_A_CALL = 100
 
 def sequence(schedule: PulseSchedule, overheads: Overheads) -> Sequence:
     """Return the program of a schedule. Raises InputError if the schedule leaves a delay no time."""
-    lead_in, loop = _split(schedule.lead_in), _split(schedule.loop)
+    lead_in, loop = in_tables(schedule, _split(schedule.lead_in), _split(schedule.loop))
     parts = (*lead_in, *loop)
-    runs = tuple(part.run for part in parts)
-    pulsed = [run for run in runs if _pulsed(run)]
-    if not pulsed:
+    owners = _owners(parts)
+    if not any(owners):
         raise InputError("no-pulses", "the schedule has no pulse")
-    often = Counter(run.pulses for run in pulsed)
-    shared = dict.fromkeys(run.pulses for run in pulsed if run.frames > 1 or often[run.pulses] > 1)
-    numbers = {pulses: number for number, pulses in enumerate(shared, 1)}
-    owners = [numbers.get(run.pulses, -step) for step, run in enumerate(runs)]
     frames = [
-        _frame(schedule, run, owner, overheads) if _pulsed(run) else None
-        for run, owner in zip(runs, owners, strict=True)
+        _frame(schedule, part, owner, overheads) if owner else None
+        for part, owner in zip(parts, owners, strict=True)
     ]
     exits = _exits(schedule, frames, len(lead_in))
-    positions = {
-        number: _position(schedule, number, frames, owners, exits, overheads) for number in numbers.values()
+    functions = {
+        owner: _function(
+            schedule,
+            owner,
+            [step for step, other in enumerate(owners) if other == owner],
+            parts,
+            frames,
+            exits,
+            overheads,
+        )
+        for owner in dict.fromkeys(owners)
+        if owner and owner.owner > 0
     }
     steps = tuple(
         SilentStep(part.run.frames, Cycles(part.run.frames * schedule.period))
-        if frame is None
-        else _hold(schedule, step, part, frame, positions.get(owners[step]), exits[step], overheads)
-        for step, (part, frame) in enumerate(zip(parts, frames, strict=True))
+        if frame is None or owner is None
+        else _step(schedule, step, part, frame, functions.get(owner), exits[step], overheads)
+        for step, (part, owner, frame) in enumerate(zip(parts, owners, frames, strict=True))
     )
     start = _delay(schedule.period, START, overheads, "from reset to the first edge")
-    return Sequence(schedule, start, tuple(positions.values()), steps[: len(lead_in)], steps[len(lead_in) :])
+    return Sequence(
+        schedule,
+        start,
+        tuple(each for each in functions.values() if isinstance(each, FrameFunction)),
+        tuple(each for each in functions.values() if isinstance(each, RowFunction)),
+        steps[: len(lead_in)],
+        steps[len(lead_in) :],
+    )
 
 
-@dataclass(frozen=True, slots=True)
-class _Part:
-    """A run that is repeated `turns` times."""
+def _owners(parts: tuple[SchedulePart, ...]) -> list[DelayPath | None]:
+    """Return the path inside the frames of each part: of a table, of a position (from 1) that is repeated or
+    comes back, or of a frame of its own (the number of its step, negative); None without pulses.
+    """
+    own = [part.run.pulses for part in parts if pulsed(part.run) and not part.table]
+    often = Counter(own)
+    shared = dict.fromkeys(
+        part.run.pulses
+        for part in parts
+        if pulsed(part.run) and not part.table and (part.run.frames > 1 or often[part.run.pulses] > 1)
+    )
+    numbers = {pulses: number for number, pulses in enumerate(shared, 1)}
+    return [
+        DelayPath("row", part.table.number)
+        if part.table
+        else DelayPath("in", numbers.get(part.run.pulses, -step))
+        if pulsed(part.run)
+        else None
+        for step, part in enumerate(parts)
+    ]
 
-    run: Run
-    turns: int = 1
 
-
-def _split(runs: tuple[Run, ...]) -> tuple[_Part, ...]:
+def _split(runs: tuple[Run, ...]) -> tuple[SchedulePart, ...]:
     """Return the same frames in parts whose frames and turns are counted in one byte each."""
-    parts: list[_Part] = []
+    parts: list[SchedulePart] = []
     for run in runs:
-        if not _pulsed(run):
-            parts.append(_Part(run))
+        if not pulsed(run):
+            parts.append(SchedulePart(run))
             continue
         left = run.frames
         while left > MAX_COUNTED:
             size, turns = _equal_calls(left)
-            parts.append(_Part(Run(size, run.pulses), turns))
+            parts.append(SchedulePart(Run(size, run.pulses), turns))
             left -= size * turns
-        parts += [_Part(Run(left, run.pulses))] if left else []
+        parts += [SchedulePart(Run(left, run.pulses))] if left else []
     return tuple(parts)
 
 
@@ -101,17 +133,15 @@ def _equal_calls(frames: int) -> tuple[int, int]:
     return MAX_COUNTED, min(frames // MAX_COUNTED, MAX_COUNTED)
 
 
-def _pulsed(run: Run) -> bool:
-    return any(run.pulses)
-
-
-def _frame(schedule: PulseSchedule, run: Run, owner: int, overheads: Overheads) -> FrameEdges:
+def _frame(schedule: PulseSchedule, part: SchedulePart, inner: DelayPath, overheads: Overheads) -> FrameEdges:
     """Return the port writes of one frame and the delays between them."""
     changes: dict[int, list[tuple[int, int]]] = {}
-    for channel, pulse in enumerate(run.pulses):
+    for channel, pulse in enumerate(part.run.pulses):
         if pulse:
             changes.setdefault(pulse.rise, []).append((channel, 1))
-            changes.setdefault(pulse.rise + pulse.width, []).append((channel, 0))
+            moves = part.table and channel in part.table.channels
+            width = part.table.longest(channel) if part.table and moves else pulse.width
+            changes.setdefault(pulse.rise + width, []).append((channel, 0))
     times = sorted(changes)
     ports = {"A": 0, "B": 0}
     edges = []
@@ -127,12 +157,23 @@ def _frame(schedule: PulseSchedule, run: Run, owner: int, overheads: Overheads) 
         for channel, level in changes[cycle]:
             mask = 1 << int(schedule.channels[channel].pin[2])
             ports[port] = ports[port] | mask if level else ports[port] & ~mask
-        wait = Cycles(0)
+        wait, table = Cycles(0), _table_delay(part.table, changes[cycle])
         if index + 1 < len(times):
-            path = DelayPath("in", owner, index)
-            wait = _delay(times[index + 1] - cycle, path, overheads, f"after cycle {cycle} of a frame")
-        edges.append(Edge(Cycles(cycle), port, ports[port], tuple(changes[cycle]), wait))
-    return FrameEdges(tuple(edges), run)
+            free = FIXED if table and table.sign > 0 else times[index + 1] - cycle
+            path = DelayPath(inner.kind, inner.owner, index)
+            wait = _delay(free, path, overheads, f"after cycle {cycle} of a frame")
+        edges.append(Edge(Cycles(cycle), port, ports[port], tuple(changes[cycle]), wait, table))
+    return FrameEdges(tuple(edges), part.run)
+
+
+def _table_delay(table: WidthTable | None, changes: list[tuple[int, int]]) -> TableDelay | None:
+    """Return the delay after an edge whose channel moves: the width, or what is left of the longest one."""
+    for channel, level in changes:
+        if table and channel in table.channels:
+            return (
+                TableDelay(channel, 1, -FIXED) if level else TableDelay(channel, -1, table.longest(channel))
+            )
+    return None
 
 
 def _exits(
@@ -156,22 +197,25 @@ def _exits(
     return exits
 
 
-def _position(
+def _function(
     schedule: PulseSchedule,
-    number: int,
+    inner: DelayPath,
+    mine: list[int],
+    parts: tuple[SchedulePart, ...],
     frames: list[FrameEdges | None],
-    owners: list[int],
     exits: dict[int, Cycles | None],
     overheads: Overheads,
-) -> FrameFunction:
-    mine = [step for step, owner in enumerate(owners) if owner == number]
-    frame = next(frame for step in mine if (frame := frames[step]))
+) -> FrameFunction | RowFunction:
+    """Return the function that the steps `mine` call."""
+    frame, table = next(frame for step in mine if (frame := frames[step])), parts[mine[0]].table
     around = _around(schedule, frame)
+    margin = MARGIN + (FIXED if table else 0)
     gap = _checked(
-        min([around, *(leave for step in mine if (leave := exits[step]))]) - MARGIN, "between frames"
+        min([around, *(leave for step in mine if (leave := exits[step]))]) - margin, "between frames"
     )
-    again = _delay(around - gap, DelayPath("again", number), overheads, "between frames")
-    return FrameFunction(number, frame, gap, again)
+    path = DelayPath("next" if table else "again", inner.owner)
+    again = _delay(around - gap, path, overheads, "between frames")
+    return RowFunction(table, frame, gap, again) if table else FrameFunction(inner.owner, frame, gap, again)
 
 
 def _around(schedule: PulseSchedule, frame: FrameEdges) -> Cycles:
@@ -179,22 +223,24 @@ def _around(schedule: PulseSchedule, frame: FrameEdges) -> Cycles:
     return Cycles(schedule.period - frame.last + frame.first)
 
 
-def _hold(
+def _step(
     schedule: PulseSchedule,
     step: int,
-    part: _Part,
+    part: SchedulePart,
     frame: FrameEdges,
-    position: FrameFunction | None,
+    function: FrameFunction | RowFunction | None,
     leave: Cycles | None,
     overheads: Overheads,
-) -> Hold:
-    gap = position.gap if position else 0
+) -> Step:
+    gap = function.gap if function else 0
     turn = after = Cycles(0)
     if part.turns > 1:
         turn = _delay(_around(schedule, frame) - gap, DelayPath("turn", step), overheads, "between frames")
     if leave is not None:
         after = _delay(leave - gap, DelayPath("after", step), overheads, "between frames")
-    return Hold(step, frame, position, part.run.frames, part.turns, turn, after)
+    if isinstance(function, RowFunction):
+        return Move(step, function, part.first, part.run.frames, after)
+    return Hold(step, frame, function, part.run.frames, part.turns, turn, after)
 
 
 def _delay(cycles: int, path: DelayPath, overheads: Overheads, where: str) -> Cycles:

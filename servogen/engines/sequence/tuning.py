@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import islice
-from types import MappingProxyType
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from servogen.engines.board import board_of
 from servogen.engines.firmware import Firmware, ResourceError
 from servogen.engines.fitting import compiled_to_fit
 from servogen.engines.sequence.programs import DelayPath, Overheads, Sequence
-from servogen.engines.sequence.rendering import AngleTexts, render
+from servogen.engines.sequence.rendering import NO_COMMENTS, Comments, render
 from servogen.engines.sequence.sequencing import sequence
 from servogen.errors import ServogenError
 from servogen.pic.device import PROGRAM_WORDS, Device
@@ -49,13 +48,9 @@ class TunedFirmware(Firmware):
 
 
 def tune(
-    schedule: PulseSchedule,
-    dialect: str,
-    device: Device,
-    title: str,
-    angles: AngleTexts = MappingProxyType({}),
+    schedule: PulseSchedule, dialect: str, device: Device, title: str, comments: Comments = NO_COMMENTS
 ) -> TunedFirmware:
-    """Return the firmware of a schedule with every delay corrected; comments say the `angles`.
+    """Return the firmware of a schedule with every delay corrected, with its `comments`.
 
     Raises InputError if a delay has no time left, ResourceError if the chip is too small, TuningError if the
     overheads do not settle.
@@ -63,16 +58,20 @@ def tune(
     overheads = Overheads()
     for _ in range(ROUNDS):
         program = sequence(schedule, overheads)
-        steps = len(program.lead_in) + len(program.loop)
-        if steps > PROGRAM_WORDS:  # every step is at least one call: refuse it before seconds of compiling
+        steps, table = (
+            len(program.lead_in) + len(program.loop),
+            sum(move.table.words for move in program.moves),
+        )
+        if steps + table > PROGRAM_WORDS:  # every step is at least one call: refused before it is compiled
+            words = f" and {table} words of widths" if table else ""
             raise ResourceError(
                 "does-not-fit",
                 f"{title}: planned, but more than the sequence engine can hold: {steps} steps of one word or "
-                f"more each, the chip has {PROGRAM_WORDS}",
+                f"more each{words}, the chip has {PROGRAM_WORDS}",
                 hint=SHORTER,
             )
         file = f"main.{dialect}.c"
-        text = render(program, dialect, device, title, angles)
+        text = render(program, dialect, device, title, comments)
         options = Options(dialect=dialect, device=device)
         compilation = compiled_to_fit(text, file, options, title, "the sequence engine", SHORTER)
         measured = measure(program, compilation)

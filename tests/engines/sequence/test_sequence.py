@@ -2,6 +2,8 @@
 
 from itertools import islice
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,12 +12,13 @@ from hypothesis import strategies as st
 
 from servogen.engines.c_text import DIALECTS, RenderError, _environment
 from servogen.engines.sequence.programs import DelayPath, Overheads
-from servogen.engines.sequence.rendering import angle_texts, render
+from servogen.engines.sequence.rendering import comments_of, render
 from servogen.engines.sequence.sequencing import sequence
 from servogen.errors import InputError
 from servogen.pic.device import device
 from servogen.pulse import Channel, Pulse, PulseSchedule, Run
 from servogen.pulse.expected import expected
+from servogen.pulse.plan import PulsePlan
 from servogen.pulse.quantise import quantise
 from servogen.robot.servo import servo
 from servogen.robot.servo_models import servo_model
@@ -152,8 +155,11 @@ def test_the_c_says_the_angles_beside_the_widths_as_the_job_states_them() -> Non
     name = schedule.channels[0].name
     arm = servo(name, "RB0", servo_model("futaba-s3001"))
     _, widths = quantise(arm, np.radians([30.0, 30.0, 30.06, 90.0, 120.0, 0.2]), schedule.clock)
-    angles = angle_texts(widths, (arm,))
-    text = render(sequence(schedule, Overheads()), "c2c", device("PIC16F84"), "lab8", angles)
+    job: Any = SimpleNamespace(
+        servos=(arm,), ends=(), trajectory=SimpleNamespace(angles=np.zeros((schedule.loop_frames, 1)))
+    )
+    comments = comments_of(job, PulsePlan(schedule, tuple(widths), ()))
+    text = render(sequence(schedule, Overheads()), "c2c", device("PIC16F84"), "lab8", comments)
     for said in ("30 deg: 1167 us", "90 deg: 1500 us", "120 deg: 1667 us", "0.2 deg: 1001 us"):
         assert f"/* {name} {said}" in text
 

@@ -25,7 +25,7 @@ from servogen.engines.sequence.programs import (
     Overheads,
     SilentStep,
 )
-from servogen.engines.sequence.rendering import _frame_text, _lines, _step
+from servogen.engines.sequence.rendering import NO_COMMENTS, _lines, _step
 from servogen.engines.sequence.sequencing import _equal_calls, _split, sequence
 from servogen.engines.sequence.tuning import TuningError, _times, edges_to_watch
 from servogen.engines.sequence.waits import C2C_MAX, CALLS, RepeatedCall
@@ -311,7 +311,7 @@ def test_the_lines_of_a_frame_name_pins_levels_and_widths() -> None:
         ("PORTA = 0x02;", "s1 high for 1500 us", "_delay(1500);"),
         ("PORTA = 0x00;", "s1 low", ""),
     ]
-    assert _frame_text(step.frame, schedule, {}) == "s0 1000 us, s1 1500 us"
+    assert NO_COMMENTS.frame(schedule, step.frame.run) == "s0 1000 us, s1 1500 us"
     touching = schedule_of((), (Run(1, (pulse(0, 1000), pulse(1000, 500))),), ("RB0", "RB1"))
     hold = sequence(touching, NONE).loop[0]
     assert isinstance(hold, Hold)
@@ -321,7 +321,7 @@ def test_the_lines_of_a_frame_name_pins_levels_and_widths() -> None:
 def test_a_step_is_a_call_a_frame_or_a_pause() -> None:
     schedule = schedule_of((), (Run(1000, A), Run(7, OFF), Run(1, B)))
     program = sequence(schedule, NONE)
-    call, pause, own = (_step(step, schedule, "xc8", {}) for step in program.loop)
+    call, pause, own = (_step(step, schedule, "xc8", NO_COMMENTS) for step in program.loop)
     assert (call.call, call.turns, call.lines) == ("position_1(250);", 4, ())
     assert call.comment == "s0 1000 us, s1 1500 us, for 20 s"
     assert call.turn == "_delay(64);" and call.after == "_delay(64);"
@@ -329,7 +329,7 @@ def test_a_step_is_a_call_a_frame_or_a_pause() -> None:
     assert pause.after == "_delay(140000);"
     assert (own.call, own.turns, len(own.lines), own.comment) == ("", 0, 2, "s0 1200 us")
     once = schedule_of((), (Run(2, A),))
-    (single,) = (_step(step, once, "xc8", {}) for step in sequence(once, NONE).loop)
+    (single,) = (_step(step, once, "xc8", NO_COMMENTS) for step in sequence(once, NONE).loop)
     assert (single.call, single.turns, single.turn) == ("position_1(2);", 0, "")
 
 
