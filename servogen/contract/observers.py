@@ -87,7 +87,7 @@ def _older(age: int, cycles: int, cap: int) -> int:
 
 @dataclass(frozen=True, slots=True)
 class PulseObserver:
-    """Every pulse of a pin. State: cycles since its rise, and the width of that pulse or `NONE` in it."""
+    """Every pulse of a pin. State: cycles since its rise, and since its fall, or `NONE` while it is high."""
 
     pin: int
     high: Limits | None
@@ -100,30 +100,27 @@ class PulseObserver:
     def pins(self) -> int:
         return 1 << self.pin
 
-    @property
-    def _cap(self) -> int:
-        high, low, period = (0 if each is None else each.cap for each in (self.high, self.low, self.period))
-        return max(high + low, period) + 1
-
     def start(self, from_reset: bool) -> State:
         return (NONE, NONE)
 
     def wait(self, state: State, levels: int, cycles: int) -> State:
-        since_rise, width = state
+        since_rise, low = state
         if since_rise == NONE:
             return state
-        if width == NONE and self.high is not None and since_rise + cycles > self.high.most:
+        if low == NONE and self.high is not None and since_rise + cycles > self.high.most:
             raise Broken(f"is high for more than {self.high.most} cycles", self.high.most + 1 - since_rise)
-        low = since_rise - width
-        if width != NONE and self.low is not None and low + cycles > self.low.most:
+        if low != NONE and self.low is not None and low + cycles > self.low.most:
             raise Broken(f"is low for more than {self.low.most} cycles", self.low.most + 1 - low)
         if self.period is not None and since_rise + cycles > self.period.most:
             message = f"does not rise within {self.period.most} cycles of its last rise"
             raise Broken(message, self.period.most + 1 - since_rise)
-        return (min(since_rise + cycles, self._cap), width)
+        if self.duty is not None:  # a part of a period has no limit in cycles
+            return (since_rise + cycles, low if low == NONE else low + cycles)
+        high, down, period = (0 if each is None else each.cap for each in (self.high, self.low, self.period))
+        return (min(since_rise + cycles, max(high, period)), _older(low, cycles, down))
 
     def react(self, state: State, before: int, after: int) -> State:
-        since_rise, width = state
+        since_rise, low = state
         changed = (before ^ after) >> self.pin & 1
         if not changed:
             return state
@@ -132,18 +129,19 @@ class PulseObserver:
                 return state
             if self.high is not None and since_rise not in self.high:
                 raise Broken(f"is high for {since_rise} cycles, not {self.high}")
-            return (since_rise, since_rise)
+            return (since_rise, 0)
         if since_rise != NONE:
-            self._check_period(since_rise, width)
+            self._check_period(since_rise, low)
         return (0, NONE)
 
-    def _check_period(self, period: int, width: int) -> None:
-        if self.low is not None and period - width not in self.low:
-            raise Broken(f"is low for {period - width} cycles, not {self.low}")
+    def _check_period(self, period: int, low: int) -> None:
+        if self.low is not None and low not in self.low:
+            raise Broken(f"is low for {low} cycles, not {self.low}")
         if self.period is not None and period not in self.period:
             raise Broken(f"rises {period} cycles after its last rise, not {self.period}")
-        if self.duty is not None and not self.duty[0] <= Fraction(width, period) <= self.duty[1]:
-            raise Broken(f"is high for {width} of {period} cycles, {100 * width / period:.4g} %")
+        high = period - low
+        if self.duty is not None and not self.duty[0] <= Fraction(high, period) <= self.duty[1]:
+            raise Broken(f"is high for {high} of {period} cycles, {100 * high / period:.4g} %")
 
     def after_breach(self) -> State:
         return self.start(from_reset=False)
@@ -180,7 +178,7 @@ class ResponseObserver:
         come, most, fewest = state
         if most != NONE and most + cycles > self.within.most:
             raise Broken(self.missing, self.within.most + 1 - most)
-        cap = self.within.most + 1
+        cap = max(self.within.cap, self.held)
         return (come, _older(most, cycles, cap), _older(fewest, cycles, cap))
 
     @property
@@ -275,17 +273,21 @@ class OrderObserver:
 
     def react(self, state: State, before: int, after: int) -> State:
         (due,) = state
-        for number in self._happening(due, before, after):
-            if due != NONE and number != due:
-                raise Broken(f"'{self.events[number]}' comes where '{self.events[due]}' is due")
-            due = (number + 1) % len(self.events)
+        happening = {each for each in self.events if each.happens(before, after)}
+        while happening:
+            if due == NONE and (due := self._only(happening)) == NONE:
+                return (NONE,)
+            if self.events[due] not in happening:
+                names = ", ".join(f"'{each}'" for each in sorted(happening, key=self.events.index))
+                raise Broken(f"{names} comes where '{self.events[due]}' is due")
+            happening.remove(self.events[due])
+            due = (due + 1) % len(self.events)
         return (due,)
 
-    def _happening(self, due: int, before: int, after: int) -> list[int]:
-        """Return the events that happen at once, those that are due first."""
-        count = len(self.events)
-        turn = [(max(due, 0) + number) % count for number in range(count)]
-        return [number for number in turn if self.events[number].happens(before, after)]
+    def _only(self, happening: set[PinEvent]) -> int:
+        """Return the place of the first event that has only one, or `NONE`."""
+        places = [self.events.index(each) for each in happening if self.events.count(each) == 1]
+        return min(places, default=NONE)
 
     def after_breach(self) -> State:
         return self.start(from_reset=False)

@@ -2,12 +2,6 @@
 
 In: an image, the clauses of a contract, what is quantified over. Out: a `ContractProof`: every way from every
 power-up keeps every clause, or a run of one chip that breaks one, or why it is not decided.
-
-Causes at inputs. A program learns of an input's change when it reads the pin. Between a read of one level and
-the next read of the other the change may have come in any cycle: the answer is late if it is late for the
-earliest of them, and early if it is early for the latest. If a change could come and the next read is later
-than the answer is due, the clause is broken as well. What is assumed: an input keeps a level until the
-program has read it (a shorter pulse cannot be seen by any program without an interrupt).
 """
 
 from __future__ import annotations
@@ -21,15 +15,14 @@ from typing import NamedTuple
 import numpy as np
 
 from servogen.contract.clauses import Clause
-from servogen.contract.events import CHANGES, RISES
 from servogen.contract.judge import ClauseVerdict, judge_contract
-from servogen.contract.observers import NONE, Broken, Observer, ResponseObserver, State, pin_names
+from servogen.contract.observers import Broken, ResponseObserver, State, pin_names
 from servogen.edges import HIGH, PINS, UNDRIVEN, EdgeTrace, join, part
 from servogen.pic.device import device
 from servogen.pic.image import Image
 from servogen.prove.chip import AbstractChip
 from servogen.prove.counterexample import Counterexample, Sample, levels_of, path_to, stimuli_of
-from servogen.prove.cuts import ALL_PLACES
+from servogen.prove.cuts import ALL_PLACES, needs_w
 from servogen.prove.explore import (
     Explorer,
     SearchAnswer,
@@ -41,6 +34,7 @@ from servogen.prove.explore import (
 from servogen.prove.forks import PreparedProgram
 from servogen.prove.generalise import Generaliser, Guess
 from servogen.prove.quantifiers import EVERYTHING, Quantifiers, trials
+from servogen.prove.sides import SampledResponse, Side, sides_of
 from servogen.prove.specification import IN_FRAME, OVER, Edge, Violation
 from servogen.prove.transitions import Transitions
 from servogen.simulator import Machine, SimulatorOptions, profile
@@ -52,20 +46,13 @@ MAX_STATES = 100_000
 MAX_ADDED_CUTS = 24
 MAX_REFINEMENTS = 200
 SAMPLE_S = (1, 8, 64)
-"""Seconds of a plain run from which the first cut is chosen: the shortest in which the main loop repeats."""
+"""Seconds of a plain run, after one second, from which the first cut is chosen: as few as the main loop needs
+to repeat."""
 LONGEST_RUN_S = 20
 """The longest time without a cut."""
 REPEATS = 3
-LONG = 1 << 62
-"""Cycles that are longer than any limit."""
 PERIOD = 20_000
 """Cycles between the resets that are tried for a counterexample, and after its breach."""
-
-
-UNREAD = 1_000_000
-"""Cycles without a read of an input after which a whole pulse of it has been missed."""
-STEPS = 128
-"""Times since a cause are told apart in so many steps up to its limit."""
 
 
 class ContractState(NamedTuple):
@@ -73,174 +60,67 @@ class ContractState(NamedTuple):
 
     phase: int
     levels: int
-    observers: tuple[State, ...]
+    observed: State
 
     @property
     def is_sampled(self) -> bool:
         return False
 
 
-@dataclass(frozen=True, slots=True)
-class SampledResponse:
-    """A response to a cause at an input, which the program reads now and then.
-
-    State: the level that was read last or `NONE`, cycles since, and the most and the fewest cycles since the
-    cause, or `NONE`.
-    """
-
-    response: ResponseObserver
-
-    @property
-    def pin(self) -> int:
-        return self.response.when[0].pin
-
-    @property
-    def pins(self) -> int:
-        return 1 << self.response.then.pin
-
-    def start(self, from_reset: bool) -> State:
-        return (NONE, 0, NONE, NONE)
-
-    def _may_come(self, level: int) -> bool:
-        """Return whether the cause may come after this level was read."""
-        kind = self.response.when[0].kind
-        return level != NONE and (kind == CHANGES or level != (kind == RISES))
-
-    def wait(self, state: State, levels: int, cycles: int) -> State:
-        level, since, most, fewest = state
-        _, most, fewest = self.response.wait((0, most, fewest), levels, cycles)
-        limit, cause = self.response.within.most, self.response.when[0]
-        if most == NONE and self._may_come(level) and since + cycles > limit + 1:
-            raise Broken(f"'{cause}' may come, and is not read within {limit} cycles", limit + 2 - since)
-        if most == NONE and since + cycles > UNREAD:
-            raise Broken(f"{PINS[cause.pin]} is not read for {UNREAD} cycles", UNREAD + 1 - since)
-        return (level, min(since + cycles, max(limit, UNREAD) + 2), most, fewest)
-
-    def read(self, state: State, level: int) -> State:
-        """Return the state after the program has read the pin."""
-        last, since, most, fewest = state
-        if most != NONE and level != last and most < self.response.held:
-            most = fewest = NONE
-        if most == NONE and self._may_come(last) and level != last:
-            most, fewest = max(since - 1, 0), 0  # the earliest is the cycle after the read before
-        return (level, 0, most, fewest)
-
-    def react(self, state: State, before: int, after: int) -> State:
-        level, since, most, fewest = state
-        if most != NONE:
-            _, most, fewest = self.response.react((0, most, fewest), before, after)
-        return (level, since, most, fewest)
-
-    def coarser(self, state: State) -> State:
-        """Return a state that covers this one, of which there are fewer."""
-        level, since, most, fewest = state
-        step = max(1, self.response.within.most // STEPS)
-        least = self.response.within.least
-        # A fewest time that is long enough is as good as any longer one.
-        fewest = fewest if fewest == NONE else least if fewest >= least else fewest // step * step
-        if most == NONE and not self._may_come(level):
-            since = _up(since, UNREAD // STEPS)
-        return (level, _up(since, step), most if most == NONE else _up(most, step), fewest)
-
-    def sees(self, state: State, before: int, after: int) -> bool:
-        return False
-
-    def after_breach(self) -> State:
-        return self.start(from_reset=False)
-
-
-def _up(cycles: int, step: int) -> int:
-    return -(-cycles // step) * step
-
-
 class ContractSpecification:
-    """A contract as the search follows it: see `specification.Specification`."""
+    """A half of a clause as the search follows it: see `specification.Specification`."""
 
-    def __init__(self, clauses: Sequence[Clause], inputs: int) -> None:
-        """Prepare the observers; `inputs` are the pins that the program does not drive, as bits."""
+    def __init__(self, side: Side, inputs: int) -> None:
+        """Prepare it; `inputs` are the pins that the program does not drive, as bits."""
         self.period = PERIOD
-        self._inputs = inputs
-        self._observers = [_beside_inputs(clause.observer, inputs) for clause in clauses]
-        self._names = [clause.text for clause in clauses]
-        self._sampled = {each.pin for each in self._observers if isinstance(each, SampledResponse)}
+        self._side, self._observer, self._inputs = side, side.observer, inputs
+        self._pins = side.observer.pins | inputs
+        self._response = side.observer if isinstance(side.observer, SampledResponse) else None
 
     @property
     def sampled(self) -> frozenset[int]:
         """Return the input pins whose levels count."""
-        return frozenset(self._sampled)
+        return frozenset({self._response.pin} if self._response else ())
 
     def start(self) -> ContractState:
-        observers = tuple(observer.start(from_reset=True) for observer in self._observers)
-        return ContractState(IN_FRAME, 0, observers)
+        return ContractState(IN_FRAME, 0, self._observer.start(from_reset=True))
+
+    def ordered(self, state: ContractState) -> tuple[object, State]:
+        """Return what of a state must be the same in a worse one, and numbers that are greater in it."""
+        same, times = self._side.ordered(state.observed)
+        return (state.phase, state.levels, same), times
 
     def at_rest(self, state: ContractState) -> ContractState:
-        """Return that nothing is due, if any time may pass; else the state as it is."""
-        for observer, each in zip(self._observers, state.observers, strict=True):
-            try:
-                if observer.wait(each, state.levels, LONG) != observer.wait(each, state.levels, 0):
-                    return state
-            except Broken:
-                return state
-        return state._replace(phase=OVER)
-
-    def generalised(self, state: ContractState) -> ContractState:
-        """Return a state at a cut that covers this one: times since a cause become coarser, outwards."""
-        pairs = zip(self._observers, state.observers, strict=True)
-        observers = tuple(
-            each.coarser(its) if isinstance(each, SampledResponse) else its for each, its in pairs
-        )
-        return state._replace(observers=observers)
+        """Return the worst state after any time, if any may pass; else the state as it is."""
+        try:
+            later = self._side.asleep(state.observed, state.levels)
+        except Broken:
+            return state
+        return state if later is None else state._replace(phase=OVER, observed=later)
 
     def sample(self, state: ContractState, pin: int, level: int) -> ContractState:
         """Return the state after the program has read a pin."""
-        if pin not in self._sampled:
+        if self._response is None or pin != self._response.pin:
             return state
-        pairs = zip(self._observers, state.observers, strict=True)
-        observers = tuple(
-            each.read(its, level) if isinstance(each, SampledResponse) and each.pin == pin else its
-            for each, its in pairs
-        )
-        return state._replace(observers=observers)
+        return state._replace(observed=self._response.read(state.observed, level))
 
     def advance(self, state: ContractState, edges: Sequence[Edge], cycles: int) -> ContractState:
         """Return the state after a run of `cycles` that made `edges`. Raises Violation."""
-        observers, levels, now = state.observers, state.levels, 0
-        for cycle, group in groupby(edges, key=itemgetter(0)):
-            observers = self._waited(observers, levels, now, cycle - now)
-            after = levels
-            for _, pin, level in group:
-                after = after | 1 << pin if level == 1 else after & ~(1 << pin)
-            if after & self._inputs:
-                names = pin_names(after & self._inputs)
-                raise Violation(f"{names} is driven, and was not in a plain run", cycle, certain=False)
-            observers = self._reacted(observers, levels, after, cycle)
-            levels, now = after, cycle
-        return ContractState(IN_FRAME, levels, self._waited(observers, levels, now, cycles - now))
-
-    def _waited(self, states: tuple[State, ...], levels: int, begin: int, cycles: int) -> tuple[State, ...]:
-        made = []
-        for number, (observer, state) in enumerate(zip(self._observers, states, strict=True)):
-            try:
-                made.append(observer.wait(state, levels, cycles))
-            except Broken as broken:
-                raise Violation(f"{self._names[number]}: {broken.message}", begin + broken.after) from None
-        return tuple(made)
-
-    def _reacted(self, states: tuple[State, ...], before: int, after: int, cycle: int) -> tuple[State, ...]:
-        made = []
-        for number, (observer, state) in enumerate(zip(self._observers, states, strict=True)):
-            try:
-                made.append(observer.react(state, before, after))
-            except Broken as broken:
-                raise Violation(f"{self._names[number]}: {broken.message}", cycle) from None
-        return tuple(made)
-
-
-def _beside_inputs(observer: Observer, inputs: int) -> Observer:
-    causes = isinstance(observer, ResponseObserver) and observer.when[0].pin
-    if isinstance(observer, ResponseObserver) and inputs >> int(causes) & 1:
-        return SampledResponse(observer)
-    return observer
+        observed, levels, now = state.observed, state.levels, 0
+        try:
+            for cycle, group in groupby(edges, key=itemgetter(0)):
+                observed = self._observer.wait(observed, levels, cycle - now)
+                after, now = levels, cycle
+                for _, pin, level in group:
+                    after = after | 1 << pin if level == 1 else after & ~(1 << pin)
+                if after & self._inputs:
+                    names = pin_names(after & self._inputs)
+                    raise Violation(f"{names} is driven, and was not in a plain run", cycle, certain=False)
+                observed, levels = self._observer.react(observed, levels, after), after & self._pins
+            observed = self._observer.wait(observed, levels, cycles - now)
+        except Broken as broken:
+            raise Violation(f"{self._side.text}: {broken.message}", now + broken.after) from None
+        return ContractState(IN_FRAME, levels, observed)
 
 
 def undecidable(clauses: Sequence[Clause], inputs: int) -> str | None:
@@ -311,24 +191,47 @@ class _ContractProver:
         limit = clock.round_seconds(LONGEST_RUN_S)
         self._transitions = Transitions(self._chip, limit)
         self._always = self._program.choice_points
-        self._cut, driven = _observed(image, clock, self._board)
+        self._cut, driven = _observed(self._program, clock, self._board)
         self._inputs = watched & ~driven
-        self._spec = ContractSpecification(clauses, self._inputs)
+        self._specs = [
+            ContractSpecification(side, self._inputs)
+            for clause in clauses
+            for side in sides_of(clause, self._inputs)
+        ]
 
     def prove(self) -> ContractProof:
-        """Return the answer: search, add what the search asks for, and search again until it is decided."""
+        """Return the answer: proven if each half of each clause is; else that of the first that is not."""
         why = undecidable(self._clauses, self._inputs) or self._unfit_oscillator()
         if why:
             return self._answer(None, why)
         guesses = {} if self._cut is None else {self._cut: Guess(set(ALL_PLACES))}
-        generaliser = Generaliser(self._transitions, guesses)
+        self._generaliser = Generaliser(self._transitions, guesses)
+        answers = []
+        for spec in self._specs:
+            answers.append(self._decided(spec))
+            if answers[-1].counterexample is not None:
+                return answers[-1]
+        undecided = next((answer for answer in answers if not answer.proven), answers[-1])
+        return replace(undecided, states=sum(answer.states for answer in answers))
+
+    def _decided(self, spec: ContractSpecification) -> ContractProof:
+        answer = self._searched(spec)
+        if answer.proven or answer.counterexample is not None:
+            return answer
+        # What was made general may be what leads to a violation that no chip shows.
+        self._generaliser.keep_all()
+        return self._searched(spec)
+
+    def _searched(self, spec: ContractSpecification) -> ContractProof:
+        """Search, add what the search asks for, and search again until it is decided."""
+        generaliser = self._generaliser
 
         def search(written: frozenset[int]) -> SearchResult:
             self._transitions.stop_at(self._always | set(generaliser.cuts))
             return Explorer(
                 self._program,
                 self._transitions,
-                self._spec,  # type: ignore[arg-type]
+                spec,  # type: ignore[arg-type]
                 generaliser,
                 self._quantifiers.phases,
                 self._max_states,
@@ -340,7 +243,7 @@ class _ContractProver:
             generaliser.guesses[address] = Guess(set(ALL_PLACES))
 
         most = MAX_ADDED_CUTS, MAX_REFINEMENTS
-        return self._judged(search_until_decided(search, add_cut, most, self._written)[0])
+        return self._judged(spec, search_until_decided(search, add_cut, most, self._written)[0])
 
     def _written(self) -> frozenset[int]:
         return frozenset(self._transitions.written if self._quantifiers.start else ())
@@ -350,9 +253,9 @@ class _ContractProver:
         machine = Machine(self._image, self._clock, self._board, tracked=True)
         return "; ".join(warning.message for warning in machine.chip_dependent)
 
-    def _judged(self, search: SearchResult) -> ContractProof:
+    def _judged(self, spec: ContractSpecification, search: SearchResult) -> ContractProof:
         if search.answer is SearchAnswer.CLOSED:
-            return self._answer(search, self._not_covered(search))
+            return self._answer(search, self._not_covered(spec, search))
         finding = search.finding
         if finding is None:
             return self._answer(search, "the cut points do not suffice")
@@ -362,9 +265,9 @@ class _ContractProver:
                 return self._answer(search, "", shown)
         return self._answer(search, why_undecided(finding, search))
 
-    def _not_covered(self, search: SearchResult) -> str:
-        if search.asynchronous and self._spec.sampled:
-            names = ", ".join(PINS[pin] for pin in sorted(self._spec.sampled))
+    def _not_covered(self, spec: ContractSpecification, search: SearchResult) -> str:
+        if search.asynchronous and spec.sampled:
+            names = ", ".join(PINS[pin] for pin in spec.sampled)
             return f"something other than TMR0 interrupts the program, which may see {names} without a read"
         return ""
 
@@ -388,7 +291,8 @@ class _ContractProver:
             "the crystal is exact; a pin that nothing drives counts as low; the EEPROM is as in the file",
             f"a high level of at most {GLITCH} cycles while a pin becomes an output counts as low",
         ]
-        said += [f"{PINS[pin]} keeps each level until it was read" for pin in sorted(self._spec.sampled)]
+        sampled = {pin for spec in self._specs for pin in spec.sampled}
+        said += [f"{PINS[pin]} keeps each level until it was read" for pin in sorted(sampled)]
         if not self._quantifiers.resets:
             said.append("there is no reset after power-on")
         write_us = self._write_us if self._program.eeprom_accesses else None
@@ -458,19 +362,22 @@ def _early(samples: Sequence[Sample]) -> list[Sample]:
     return made + [(cycle + 1, pin, 1 - level) for cycle, pin, level in last.values()]
 
 
-def _observed(image: Image, clock: Clock, board: SimulatorOptions) -> tuple[int | None, int]:
+def _observed(program: PreparedProgram, clock: Clock, board: SimulatorOptions) -> tuple[int | None, int]:
     """Return the first cut, and the pins that a plain run of a second drives, as bits.
 
-    The cut is what the outermost loop executes: the address with the fewest executions that repeats.
+    The cut is what the outermost loop executes: of the addresses with the fewest executions that repeat one
+    that does not need W.
     """
-    chunk = join(Machine(image, clock, board).stream(clock.round_seconds(1)))
+    machine = Machine(program.image, clock, board)
+    chunk = join(machine.stream(clock.round_seconds(1)))
     driven = 0
     for pin in set(chunk.pin[chunk.level != UNDRIVEN].tolist()):
         driven |= 1 << pin
     for seconds in SAMPLE_S:
-        found = profile(Machine(image, clock, board), clock.round_seconds(seconds))
+        found = profile(machine, clock.round_seconds(seconds))
         counts = {address: spent.executions for address, spent in found.words.items()}
-        again = [address for address, count in counts.items() if count >= REPEATS]
-        if again:
-            return min(again, key=lambda address: (counts[address], address)), driven
+        rare = min((count for count in counts.values() if count >= REPEATS), default=0)
+        if rare:  # the sample may begin and end within the loop
+            outermost = [address for address, count in counts.items() if 0 <= count - rare <= 1]
+            return min(outermost, key=lambda address: (needs_w(program, address), address)), driven
     return None, driven

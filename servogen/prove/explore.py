@@ -7,10 +7,11 @@ was found instead. Breadth first: the first violation is one of the nearest.
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Sequence
+from collections import Counter, deque
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from operator import ge
 
 from servogen.prove.chip import FIELD, AbstractChip, AssumedBits, ChipState, Reason, RunOutcome, Use
 from servogen.prove.forks import ALONE, Choices, PreparedProgram, before_instruction, ways_of
@@ -87,6 +88,9 @@ def _decisions(trail: _Trail | None) -> tuple[Decision, ...]:
     return tuple(reversed(decisions))
 
 
+PointKey = tuple[Ram, int, SpecState, Use | None, Choices, int]
+
+
 @dataclass(slots=True)
 class _Point:
     """Between two cuts."""
@@ -102,7 +106,7 @@ class _Point:
     use: Use | None = None
 
     @property
-    def key(self) -> tuple[object, ...]:
+    def key(self) -> PointKey:
         """Return what the ways from here depend on; before the first pulse also the time since the cut."""
         waited = self.cycle if self.spec.phase == BEFORE else 0
         return (self.ram, self.rest, self.spec, self.use, self.chosen, waited)
@@ -173,8 +177,10 @@ class Explorer:
     tell: Callable[[int, int], None]
     starts: Sequence[ChipState]
     _nodes: list[Node] = field(default_factory=list)
-    _known: dict[tuple[Ram, int, SpecState], int] = field(default_factory=dict)
-    """The numbers of the nodes."""
+    _known: dict[tuple[Ram, int, object], list[tuple[tuple[int, ...], int]]] = field(default_factory=dict)
+    """The numbers of the nodes, with what is greater in worse ones."""
+    _covered: set[int] = field(default_factory=set)
+    """Nodes for which a worse one was found."""
     _queue: deque[int] = field(default_factory=deque)
     _work: int = 0
     _reads_eeprom: bool = False
@@ -206,7 +212,8 @@ class Explorer:
         expanded = 0
         while self._queue:
             number = self._queue.popleft()
-            self._expand(number)
+            if number not in self._covered:
+                self._expand(number)
             expanded += 1
             if expanded % 500 == 0:
                 self.tell(expanded, len(self._nodes))
@@ -220,28 +227,45 @@ class Explorer:
         raw = (ram, rest)
         if parent >= 0:  # a start is not at a cut, and is as general as the quantifiers make it
             ram, rest = self.generaliser.generalised(ram, rest)
-            spec = self.spec.generalised(spec)
-        key = (ram, rest, spec)
-        if key not in self._known:
-            self._known[key] = len(self._nodes)
-            self._queue.append(len(self._nodes))
+        number = self._covering(ram, rest, spec)
+        if number < 0:
+            number = len(self._nodes)
+            self._queue.append(number)
             self._nodes.append(Node(ram, rest, spec, parent, cycles, decisions, raw))
         if spec.phase == BEFORE and parent >= 0:
             # The time before the first pulse is not part of a state, so a program that waits endlessly closes
             # the search. It is found as a cycle among these pairs.
-            self._waits.append((parent, self._known[key]))
+            self._waits.append((parent, number))
+
+    def _covering(self, ram: Ram, rest: int, spec: SpecState) -> int:
+        """Return the state that covers this one: it itself, or one that is worse; -1 if it is new.
+
+        Then it is noted, in place of those that it covers, which need not be expanded any more.
+        """
+        same, times = self.spec.ordered(spec)
+        known = self._known.setdefault((ram, rest, same), [])
+        for its, number in known:
+            if all(map(ge, its, times)):
+                return number
+        covered = [number for its, number in known if all(map(ge, times, its))]
+        self._covered.update(covered)
+        known[:] = [each for each in known if each[1] not in covered]
+        known.append((times, len(self._nodes)))
+        return -1
 
     def _expand(self, number: int) -> None:
         node = self._nodes[number]
         points = [_Point(number, node.ram, node.rest, node.spec, 0)]
-        seen: set[tuple[object, ...]] = set()
+        seen: set[PointKey] = set()
         while points:
             point = points.pop()
             if point.key in seen:
                 continue  # another way has led to the same
             seen.add(point.key)
             self._work += 1
-            if len(seen) > MAX_POINTS or self._work > WORK_PER_STATE * self.max_states:
+            if len(seen) > MAX_POINTS:
+                raise self._without_cut(point, seen)
+            if self._work > WORK_PER_STATE * self.max_states:
                 raise self._stuck(point, "too many ways between two frames")
             # A bit that only the generalisation made unknown is restored, not split: the ways with its
             # other value would be those of chips that do not exist.
@@ -252,6 +276,14 @@ class Explorer:
             # chip.
             for choices in self._ways(point):
                 points += self._follow(point, choices)
+
+    def _without_cut(self, point: _Point, seen: Set[PointKey]) -> _Ended:
+        """Return that there is no cut on the way of most points; they cannot be followed without one."""
+        counts = Counter(self.transitions.pc(rest) for _, rest, *_ in seen)
+        stuck = self._stuck(point, "too many ways between two frames")
+        for cut in sorted(counts.keys() - self.generaliser.cuts.keys(), key=lambda pc: (-counts[pc], pc))[:1]:
+            stuck.answer, stuck.cut = SearchAnswer.CUT, cut
+        return stuck
 
     def _ways(self, point: _Point) -> list[Choices]:
         """Return the choices that together cover every chip at a point."""

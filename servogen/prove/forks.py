@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 from servogen.pic.device import BOTH_BANKS, RAM_FIRST, RAM_LAST, addresses, masks, registers
 from servogen.pic.image import Image
@@ -24,11 +25,14 @@ from servogen.prove.chip import (
 )
 from servogen.simulator import layout
 
-INDF, TMR0, STATUS, PORTA, PORTB, EEDATA = addresses("INDF", "TMR0", "STATUS", "PORTA", "PORTB", "EEDATA")
+INDF, TMR0, STATUS, PORTA = addresses("INDF", "TMR0", "STATUS", "PORTA")
+PORTB, EEDATA, INTCON = addresses("PORTB", "EEDATA", "INTCON")
 (RP0,) = masks("RP0")
 B_SHIFT = 5
 MAX_CHOICES = 10
 """Bits that may decide one instruction; more are not told apart."""
+MAX_TIMER_BITS = 12
+"""Unknown bits of TMR0 and its prescaler; with more, its values are not told apart."""
 
 Choices = tuple[AssumedBits, ...]
 
@@ -210,6 +214,8 @@ def ways_of(program: PreparedProgram, state: ChipState, use: Use, chosen: Choice
     decoded = program.at(state["PC"])
     if decoded is None:
         return None
+    if use.kind == layout.USE_SKIP and program.tells_timers and _tests_overflow(decoded, state):
+        return [(*chosen, *timer) for timer in _timers(state)]
     if use.kind == layout.USE_WAKE:
         flags = [1 << bit for bit in range(3) if use.subject >> bit & 1]
         return [(*chosen, AssumedBits("INTCON", use.subject, value)) for value in (0, *flags)]
@@ -225,6 +231,28 @@ def ways_of(program: PreparedProgram, state: ChipState, use: Use, chosen: Choice
         bit = mask & -mask
         return [(*chosen, AssumedBits(field, bit, value)) for value in (0, bit)]
     return None
+
+
+def _tests_overflow(decoded: Decoded, state: ChipState) -> bool:
+    """Return whether a skip depends on T0IF, and T0IF on where an internal clock has brought TMR0."""
+    of_intcon = decoded.f == INTCON and "b" in decoded.instruction.operands
+    of_overflow = of_intcon and 1 << decoded.b == layout.T0IF
+    return of_overflow and bool(state["TMR0_UNKNOWN"] & 0xFF) and not state["OPTION"] & layout.T0CS
+
+
+def _timers(state: ChipState) -> list[Choices]:
+    """Return each value that TMR0 and its prescaler may have, where they are not too many, with T0IF."""
+    flags = [AssumedBits("INTCON", layout.T0IF, flag) for flag in (0, layout.T0IF)]
+    masks = {"TIMER": _unknown_mask(state, "TMR0")}
+    if not state["OPTION"] & layout.PSA:
+        masks["PRESCALER"] = state["PRESCALER_UNKNOWN"] & (2 << (state["OPTION"] & layout.PS)) - 1
+    if sum(mask.bit_count() for mask in masks.values()) > MAX_TIMER_BITS:
+        return [(flag,) for flag in flags]
+    every = [
+        [AssumedBits(field, mask, value) for value in range(256) if not value & ~mask]
+        for field, mask in masks.items()
+    ]
+    return [*product(*every, flags)]
 
 
 def _bit_of(decoded: Decoded, field: str) -> int:

@@ -79,6 +79,12 @@ class Generaliser:
         """Cut at `pc` too, without making anything general there."""
         self.guesses[pc] = Guess(registers=set())
 
+    def keep_all(self) -> None:
+        """Keep everything as it is at each cut from now on."""
+        for pc in self.guesses:
+            self.add_cut(pc)
+        self._rests.clear()
+
     def generalised(self, ram: Ram, rest: int) -> tuple[Ram, int]:
         """Return a state that covers this one."""
         guess = self.guesses[self._transitions.pc(rest)]

@@ -135,9 +135,9 @@ class Specification:
             return state
         return SpecState(OVER, 0, self._loop)
 
-    def generalised(self, state: SpecState) -> SpecState:
-        """Return a state at a cut that covers this one: here it itself."""
-        return state
+    def ordered(self, state: SpecState) -> tuple[object, tuple[int, ...]]:
+        """Return what is the same in a worse state, and what is greater there: nothing is."""
+        return state, ()
 
     def sample(self, state: SpecState, pin: int, level: int) -> SpecState:
         """Return the state after the program has read a pin. Raises Violation."""

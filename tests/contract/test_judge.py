@@ -55,6 +55,11 @@ LIMITS = {
         lambda late: pulses("RB3", (10, 15), (24 + late, 25 + late)),
         25,
     ),
+    "low too long after a long pulse, with another pin's changes in it": (
+        '[[pulse]]\npin = "RB3"\nhigh_us = [5]\nlow_us = [5, 9]\n',
+        lambda late: [*pulses("RB3", (1, 30), (39 + late, 45)), (33, "RB4", 1), (36, "RB4", 0)],
+        40,
+    ),
     "period too long": (
         '[[pulse]]\npin = "RB3"\nperiod_us = [20, 30]\n',
         lambda late: pulses("RB3", (10, 15), (40 + late, 45)),
@@ -69,6 +74,11 @@ LIMITS = {
         '[[pulse]]\npin = "RB3"\nperiod_us = [20, 20]\nduty_percent = [10, 50]\n',
         lambda late: pulses("RB3", (10, 20 + late), (30, 40)),
         30,
+    ),
+    "duty of a long period": (
+        '[[pulse]]\npin = "RB3"\nperiod_us = [5]\nduty_percent = [10, 50]\n',
+        lambda late: pulses("RB3", (10, 30 + late), (50, 51)),
+        50,
     ),
     "answer too late": (
         '[[response]]\nwhen = "RB0 rises"\nthen = "RB4 falls"\nwithin_us = [2, 7]\n',
@@ -141,6 +151,17 @@ def test_a_recording_begins_with_levels_and_not_with_edges() -> None:
     changes = [(0, "RB3", 1), (2, "RB3", 0), *pulses("RB3", (10, 17))]
     assert only(text, changes, 30, from_reset=False).word == "kept"
     assert only(text, changes, 30).word == "violated"
+
+
+def test_an_event_may_stand_in_a_turn_twice() -> None:
+    text = '[[order]]\nevents = ["RB2 rises", "RB1 rises", "RB0 rises", "RB1 rises"]\n'
+    turn = pulses("RB2", (10, 11)) + pulses("RB1", (20, 21), (40, 41)) + pulses("RB0", (30, 31))
+    again = [(cycle + 50, pin, level) for cycle, pin, level in turn]
+    assert only(text, turn + again, 100).word == "kept"
+    assert only(text, turn[2:] + again, 100, from_reset=False).word == "kept"  # from the middle of one on
+    broken = only(text, turn + pulses("RB0", (60, 61)), 100)
+    assert broken.first is not None and broken.first.cycle == 60
+    assert "'RB0 rises' comes where 'RB2 rises' is due" in broken.first.message
 
 
 def test_order_is_told_where_it_breaks() -> None:

@@ -34,7 +34,7 @@ from tests.testing.page import PROGRAMS
 
 HERE = Path(__file__).parent
 MAX_STATES = 20_000
-SECONDS = 3.0
+SECONDS = 2.0
 """Of the plain run."""
 
 

@@ -167,6 +167,80 @@ def test_a_timer_that_begins_anywhere_is_told_apart_where_it_interrupts() -> Non
     assert replayed(later, ticks, proof(later, ticks, Quantifiers(resets=False))).startswith("violated")
 
 
+READING = """
+        bsf     STATUS, RP0
+        clrf    TRISB
+        bcf     STATUS, RP0
+        clrf    PORTB
+loop    movlw   8
+        xorwf   PORTB, f
+        movlw   .50
+        movwf   0x20
+wait    btfsc   PORTA, 0
+        nop
+        decfsz  0x20, f
+        goto    wait
+        goto    loop
+"""
+"""Levels of 1 + 1 + 1 + 1 + 50 * 5 - 1 + 2 cycles, or 50 more if RA0 is low at each read."""
+
+
+def test_a_low_level_is_timed_whatever_is_read_meanwhile_and_however_long_the_pulse_was() -> None:
+    program = image(READING)
+    bounds = '[[pulse]]\npin = "RB3"\nhigh_us = [10]\nlow_us = [0, {}]\n'
+    assert proof(program, bounds.format(310)).proven
+    found = proof(program, bounds.format(210))
+    assert found.counterexample is not None and "low for more than 210" in found.counterexample.message
+
+
+POLLED = """
+        bsf     STATUS, RP0
+        clrf    TRISB
+        movlw   0x81
+        movwf   OPTION_REG
+        bcf     STATUS, RP0
+        clrf    PORTB
+loop    btfss   INTCON, T0IF
+        goto    loop
+        bcf     INTCON, T0IF
+        movlw   2
+        xorwf   PORTB, f
+        goto    loop
+"""
+"""TMR0, which counts four cycles, overflows for the first time within 1024 of them: RB1 changes 3 to 5 cycles
+later, where the loop comes to it."""
+
+
+def test_a_timer_that_is_polled_and_begins_anywhere_is_told_apart() -> None:
+    ticks = '[[every]]\nevent = "RB1 changes"\nfirst_us = [0, {}]\ngap_us = [0, 1028]\n'
+    assert proof(image(POLLED), ticks.format(1040)).proven
+    found = proof(image(POLLED), ticks.format(1020), Quantifiers(resets=False))
+    assert replayed(image(POLLED), ticks.format(1020), found).startswith("violated")
+
+
+WAITS = """
+        bsf     STATUS, RP0
+        clrf    TRISB
+        bcf     STATUS, RP0
+        clrf    PORTB
+loop    btfsc   PORTA, 0
+        goto    loop
+        bsf     PORTB, 3
+        goto    $+1
+        goto    $+1
+        bcf     PORTB, 3
+        goto    loop
+"""
+"""High: 5 cycles; from a fall to the next rise at least 1 + 2 + 2 cycles, however long RA0 is high."""
+
+
+def test_a_wait_of_any_length_is_one_state_where_only_what_is_too_early_counts() -> None:
+    contract = '[[pulse]]\npin = "RB3"\nhigh_us = [5, 5]\nperiod_us = [{}]\n'
+    found = proof(image(WAITS), contract.format(10))
+    assert found.proven and found.states < 20
+    assert proof(image(WAITS), contract.format(11)).counterexample is not None
+
+
 def test_what_no_read_tells_is_not_decided() -> None:
     program = image(ANSWER.format(delay=""))
     pattern = '[[response]]\nwhen = ["RB0 falls", "RB0 rises"]\nthen = "RB4 rises"\nwithin_us = [0, 9]\n'

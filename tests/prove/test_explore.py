@@ -173,11 +173,12 @@ def test_too_many_ways_are_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
         (3, ()): FIRST,
         (9, ()): FRAME,
     }
-    for points, answer in ((4, SearchAnswer.CLOSED), (3, SearchAnswer.UNDECIDED)):
+    for points, answer in ((4, SearchAnswer.CLOSED), (3, SearchAnswer.CUT)):
         monkeypatch.setattr(explore, "MAX_POINTS", points)
         found = explored(Ways(table), stops={1, 2, 3})
         assert found.answer is answer
     assert found.finding is not None and found.finding.message == "too many ways between two frames"
+    assert found.cut == 0, "of the most points, the first"
     monkeypatch.setattr(explore, "MAX_POINTS", 4)
     # Of a hundred states five points are a twentieth each.
     for work, answer in ((0.05, SearchAnswer.CLOSED), (0.04, SearchAnswer.UNDECIDED)):

@@ -10,6 +10,7 @@
         movwf   OPTION_REG
         bcf     STATUS, RP0
         clrf    PORTB
+        clrf    TMR0
 loop    btfss   INTCON, T0IF
         goto    loop
         bcf     INTCON, T0IF

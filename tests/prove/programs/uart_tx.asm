@@ -38,6 +38,8 @@ hold    movlw   .30
         decfsz  count, f
         goto    $-1
         nop
+        nop
+        nop
         rrf     byte, f
         decfsz  bits, f
         goto    bit
