@@ -17,7 +17,7 @@ from servogen.programs import read_program, read_schedule
 from servogen.simulator import Machine, SimulatorOptions
 from servogen.testing.targets import CaptureRequest, Simulator, check
 from servogen.units import Clock, Cycles
-from servogen.workflows.job_build import judged
+from servogen.workflows.job_build import judge_firmware
 from servogen.workflows.power_ups import BOARD
 from servogen.workflows.verification import judge_forever, judge_image
 from tests.campaigns import sampled
@@ -76,7 +76,7 @@ def test_a_build_a_proof_for_all_time_and_a_test_of_firmware_do_too() -> None:
         chip.load(program.image)
         assert check(chip.capture(CaptureRequest(schedule.clock, schedule)), schedule).passed == right
         made = Firmware("c2c", "main.c2c.c", "", program)
-        assert judged(schedule, made, Cycles(100_000)).exact == right
+        assert judge_firmware(schedule, made).exact == right
 
 
 @pytest.mark.parametrize(

@@ -20,8 +20,7 @@ from servogen.job import load, plan_job
 from servogen.pic.image import Image, to_hex
 from servogen.pic.isa import decode, encode
 from servogen.workflows.engines import PlayedJob, planned
-from servogen.workflows.job_build import judged
-from servogen.workflows.verification import checked_cycles
+from servogen.workflows.job_build import judge_firmware
 from tests.cli.conftest import Ran, run  # noqa: F401 - a fixture
 
 JOB = Path(__file__).parents[2] / "jobs" / "lab8-exercise.toml"
@@ -59,16 +58,15 @@ def unknown_start(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         return replace(found, make=lambda dialect: behind_a_skip(found.make(dialect)))
 
     with monkeypatch.context() as patched:
-        patched.setattr(import_module(judged.__module__), "planned", behind_skips)
+        patched.setattr(import_module(judge_firmware.__module__), "planned", behind_skips)
         yield
 
 
 def test_the_proof_that_build_demo_and_report_share_finds_it() -> None:
     found = planned(plan_job(load(JOB)))
     schedule, firmware = found.plan.schedule, found.make("c2c")
-    span = checked_cycles(schedule)
-    assert judged(schedule, firmware, span).exact
-    program = judged(schedule, behind_a_skip(firmware), span)
+    assert judge_firmware(schedule, firmware).exact
+    program = judge_firmware(schedule, behind_a_skip(firmware))
     assert program.verdict.edges_agree
     assert not program.exact
     assert "RAM 0x4F" in program.verdict.reasons[0]

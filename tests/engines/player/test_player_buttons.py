@@ -8,7 +8,7 @@ import pytest
 
 from servogen.edges import HIGH, LOW, EdgeTrace
 from servogen.engines.board import board_of
-from servogen.engines.inputs.buttons import waited
+from servogen.engines.inputs.buttons import with_wait
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
 from servogen.pulse import PulseSchedule, Run, from_json
@@ -60,7 +60,7 @@ def test_the_motion_waits_in_its_first_frame_until_start_was_seen_in_three_frame
     done = built_text(text(START + f'start_level = "{level}"\n'))
     active = HIGH if level == "high" else LOW
     for program in done.programs:
-        schedule = waited(done.plan.schedule, frame)
+        schedule = with_wait(done.plan.schedule, frame)
         pressed = first_edge(program) + frame * schedule.period + 100
         button = BouncingButton(RA4, pressed, pressed + 10 * schedule.period, active=active, seed=frame + 1)
         verdict = shown(schedule, program, [button], schedule.lead_in_frames + schedule.loop_frames)

@@ -20,9 +20,7 @@ from servogen.pic.device import PROGRAM_WORDS
 from servogen.prove import Quantifiers, prove_for_all
 from servogen.prove.eeprom import TrimSearch
 from servogen.workflows.engines import planned
-from servogen.workflows.job_build import Build, build, report
-from servogen.workflows.job_build import judged as compared
-from servogen.workflows.verification import checked_cycles
+from servogen.workflows.job_build import Build, build, judge_firmware, report
 from tests.engines.player.command_walks import JOB, problems, random_line
 from tests.engines.player.player_jobs import ROOT, built_text, job_text, sweep, trimmed
 
@@ -130,9 +128,7 @@ def test_a_wrong_bit_of_the_script_in_the_eeprom_is_found_where_that_step_begins
     own, schedule = done.programs[0], done.plan.schedule
     eeprom = {**own.image.eeprom, byte: own.image.eeprom[byte] ^ 1 << bit}
     compilation = replace(own.firmware.compilation, image=replace(own.image, eeprom=eeprom))
-    verdict = compared(
-        schedule, replace(own.firmware, compilation=compilation), checked_cycles(schedule)
-    ).verdict
+    verdict = judge_firmware(schedule, replace(own.firmware, compilation=compilation)).verdict
     assert not verdict.passed and verdict.difference is not None
     begun = own.verdict.start
     assert begun is not None
@@ -153,7 +149,7 @@ def test_trims_and_the_script_share_the_eeprom() -> None:
     }
     compilation = replace(own.firmware.compilation, image=replace(own.image, eeprom=eeprom))
     changed = replace(own.firmware, compilation=compilation)
-    assert compared(trimmed(schedule, trims), changed, checked_cycles(schedule)).exact
+    assert judge_firmware(trimmed(schedule, trims), changed).exact
 
 
 def test_a_chain_of_directions_is_read_from_the_eeprom() -> None:
