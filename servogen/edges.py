@@ -6,7 +6,7 @@ changes, by iteration. `traces` reads and writes them as files.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -60,11 +60,28 @@ class EdgeTrace:
         driven = Driven()
         return (driven(chunk) for chunk in self.chunks)
 
+    def without(self, pins: Sequence[int]) -> EdgeTrace:
+        """Return the trace without the changes of some pins."""
+        if not pins:
+            return self
+        return EdgeTrace(self.clock, _Without(self.chunks, tuple(pins)), self.end)
+
     def until(self, end: int) -> EdgeTrace:
         """Return the trace cut at cycle `end`, or unchanged if it is shorter."""
         if end >= self.end:
             return self
         return EdgeTrace(self.clock, _before(self.chunks, end), Cycles(end))
+
+
+@dataclass(frozen=True, slots=True)
+class _Without:
+    """Chunks without the changes of some pins; every iteration starts again."""
+
+    chunks: Iterable[EdgeChunk]
+    pins: tuple[int, ...]
+
+    def __iter__(self) -> Iterator[EdgeChunk]:
+        return (part(chunk, ~np.isin(chunk.pin, self.pins)) for chunk in self.chunks)
 
 
 class Changes:
@@ -120,6 +137,8 @@ class Expected:
     chunks: Iterable[ExpectedChunk]
     plan_error: PlanError | None = None
     """The distance of the schedule from the motion that it was rounded from; None if it is not known."""
+    others: tuple[int, ...] = ()
+    """The pins that the program moves for something else than pulses, which are not compared."""
 
 
 @dataclass(frozen=True, slots=True)

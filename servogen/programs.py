@@ -346,7 +346,12 @@ def clock_of(program: Program | None, clock_hz: int | None = None) -> Clock:
 
 
 def read_schedule(path: Path) -> PulseSchedule:
-    """Return the schedule in a schedule.json. Raises InputError."""
+    """Return the schedule in a schedule.json, with the tape beside it. Raises InputError."""
     from servogen.pulse import from_json
+    from servogen.pulse.schedule import TAPE_FILE
 
-    return from_json(read_source(path, MAX_SCHEDULE_BYTES), str(path))
+    schedule = from_json(read_source(path, MAX_SCHEDULE_BYTES), str(path))
+    if schedule.tape is None:
+        return schedule
+    content = read_input(path.with_name(TAPE_FILE))
+    return replace(schedule, tape=replace(schedule.tape, content=content))

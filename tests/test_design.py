@@ -283,6 +283,7 @@ LATE_IMPORTS = {
     "engines/player/engine.py": "start-up time: only making the firmware needs the compiler",
     "engines/sequence/engine.py": "start-up time: only making the firmware needs the compiler",
     "engines/stream/engine.py": "start-up time: only making the firmware needs the compiler",
+    "engines/tape/engine.py": "start-up time: only making the firmware needs the compiler",
     "job/plan.py": "start-up time: only a job with a program needs the command language",
     "kinematics/symbolic.py": "sympy is an optional extra",
     "kinematics/urdf.py": "urdf-parser-py is an optional extra",

@@ -273,6 +273,8 @@ def read_plan(text: bytes, file: str) -> Plan:
 
 
 def _plan(data: dict[str, Any]) -> Plan:
+    if "tape" in data:
+        raise ValueError("what the EEPROM of a tape may answer is not covered")
     period = _number(data["period_cycles"], 1)
     buttons = [1 << PINS.index(entry["pin"]) for entry in _inputs(data)]
     pins = [1 << PINS.index(channel["pin"]) for channel in data["channels"]]

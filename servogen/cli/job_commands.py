@@ -66,10 +66,10 @@ def check(job: JobFile, json: Json = False) -> None:
     schedule = planned.schedule
     warnings = (*loaded.warnings, *planned.warnings)
     if json:
-        as_json(as_planned.to_json(), (*warnings, *loaded.notes))
+        as_json(as_planned.to_json(), (*warnings, *as_planned.job.notes))
         return
     width_table(planned.widths)
-    for note in loaded.notes:
+    for note in as_planned.job.notes:
         print(note.message)
     seconds = float(schedule.clock.seconds(schedule.loop_frames * schedule.period))
     loop = f"loop of {counted(schedule.loop_frames, 'frame')}, {seconds:g} s"

@@ -9,7 +9,16 @@ from functools import partial
 from servogen.pic.device import OPEN_DRAIN_PIN
 from servogen.pic.image import Image
 from servogen.pulse import PulseSchedule
-from servogen.simulator import FirstChip, Levels, Machine, PairedMachine, SimulatorOptions, Stimuli
+from servogen.simulator import (
+    EEPROM24,
+    FirstChip,
+    Levels,
+    Machine,
+    PairedMachine,
+    SimulatorOptions,
+    Stimuli,
+    on_pins,
+)
 from servogen.simulator.sources import Periodic, SignalSource, pin_number
 
 WIRE_QUIET_S, WIRE_HIGH_US = Fraction(1, 4), Fraction(1500)
@@ -65,11 +74,15 @@ def board_of(
     schedule: PulseSchedule,
     options: SimulatorOptions = SimulatorOptions(),  # noqa: B008 - frozen
 ) -> SimulatorOptions:
-    """Return `options` with the chip of a schedule, and the pull-up that a servo on RA4 (open drain)
-    needs.
+    """Return `options` with the chip of a schedule, its tape, and the pull-up that a servo on RA4 (open
+    drain) needs. Raises InputError for a tape that no EEPROM holds.
     """
     if schedule.device is not None:
         options = replace(options, device=schedule.device)
+    tape = schedule.tape
+    if tape is not None:
+        eeprom = on_pins(EEPROM24(tape.content, tape.eeprom), scl=tape.scl, sda=tape.sda)
+        options = replace(options, devices=(*options.devices, eeprom))
     if any(channel.pin == OPEN_DRAIN_PIN for channel in schedule.channels):
         return replace(options, ra4_pull_up=True)
     return options

@@ -15,6 +15,7 @@ from servogen.engines.inputs import InputSection
 from servogen.engines.inputs.buttons import ControlButtons
 from servogen.engines.inputs.commands import COMMANDS
 from servogen.engines.inputs.serial import Stream
+from servogen.engines.inputs.tape import Tape
 from servogen.engines.inputs.wire import FrameWire
 from servogen.pulse.slots import Frame, rises
 from servogen.robot.servo import Servo
@@ -52,6 +53,12 @@ ENGINES: Mapping[str, EngineEntry] = MappingProxyType(
             accepts=(Stream.kind,),
             needs=(Stream.kind,),
             section="servogen.engines.stream.section",
+        ),
+        "tape": EngineEntry(
+            "servogen.engines.tape.engine",
+            accepts=(Tape.kind,),
+            needs=(Tape.kind,),
+            section="servogen.engines.tape.section",
         ),
     }
 )

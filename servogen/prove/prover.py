@@ -38,7 +38,7 @@ from servogen.prove.transitions import Transitions
 from servogen.prove.trim_pulses import WrongEdge
 from servogen.prove.trims import TrimProof, TrimResult
 from servogen.pulse import PulseSchedule
-from servogen.pulse.schedule import START_FRAMES
+from servogen.pulse.schedule import START_FRAMES, TAPE_UNKNOWN
 from servogen.simulator import Machine, SimulatorOptions
 from servogen.units import Cycles
 
@@ -124,6 +124,8 @@ class _Prover:
         """Return the answer: search, add what the search asks for, and search again until it is decided."""
         if self._schedule.wire is not None:
             return self._result(None, None, "what the wire from another chip may do is not covered")
+        if self._schedule.tape is not None:
+            return self._result(None, None, f"{TAPE_UNKNOWN} is not covered")
         unfit = self._unfit_oscillator()
         if unfit is not None:
             return unfit

@@ -31,6 +31,9 @@ def expected(schedule: PulseSchedule) -> Expected:
         loop=schedule.loop_frames,
         chunks=_Chunks(schedule),
         plan_error=schedule.plan_error,
+        others=()
+        if (tape := schedule.tape) is None
+        else tuple(PINS.index(pin) for pin in (tape.scl, tape.sda)),
     )
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
@@ -26,12 +26,25 @@ VERSION = 1
 """The version of the JSON schema."""
 
 OPTIONAL: Mapping[str, Any] = MappingProxyType(
-    {"inputs": [], "buttons": None, "commands": None, "plan_error": None, "device": None, "wire": None}
+    {
+        "inputs": [],
+        "buttons": None,
+        "commands": None,
+        "plan_error": None,
+        "device": None,
+        "wire": None,
+        "tape": None,
+    }
 )
 """Keys that a schedule may omit, with their default values."""
 
 MAX_DISTANCE = 1e9
 """The maximum plan error in any unit; a larger number must be a mistake."""
+
+TAPE_UNKNOWN = "what the EEPROM of a tape may answer"
+"""What no proof decides."""
+TAPE_FILE = "tape.bin"
+"""The file beside a schedule's JSON with the content of its tape."""
 
 START_FRAMES = 50
 """The maximum number of frames from reset to the first pulse; later, a program counts as silent."""
@@ -211,6 +224,21 @@ class WireRule:
 
 
 @dataclass(frozen=True, slots=True)
+class TapeRule:
+    """The serial EEPROM from which the program reads its frames: see "The tape" in docs/firmware.md."""
+
+    scl: str
+    sda: str
+    eeprom: str
+    """The part."""
+    content: bytes = field(default=b"", repr=False)
+    """Its bytes, which a file of their own holds (`TAPE_FILE`)."""
+
+    def to_json(self) -> dict[str, object]:
+        return {"scl": self.scl, "sda": self.sda, "eeprom": self.eeprom}
+
+
+@dataclass(frozen=True, slots=True)
 class PulseSchedule:
     """Frames of `period` cycles: `lead_in` once, then `loop` repeatedly.
 
@@ -233,6 +261,8 @@ class PulseSchedule:
     """The effect of a line, or of buttons, at other levels than `inputs` states; None if there are none."""
     wire: WireRule | None = None
     """The wire that the program follows; None for a program that follows no other chip."""
+    tape: TapeRule | None = None
+    """The EEPROM from which the program reads its frames; None for a program that holds them itself."""
 
     def __repr__(self) -> str:
         channels = ", ".join(f"{channel.name} on {channel.pin}" for channel in self.channels)
@@ -285,6 +315,7 @@ class PulseSchedule:
             f"{self._buttons_text()}"
             f"{self._commands_text()}"
             f"{self._wire_text()}"
+            f"{self._tape_text()}"
             f"{self._plan_error_text()}"
             f'  "lead_in": {_runs_text(self.lead_in)},\n'
             f'  "loop": {_runs_text(self.loop)}\n}}\n'
@@ -303,6 +334,9 @@ class PulseSchedule:
 
     def _wire_text(self) -> str:
         return "" if self.wire is None else f'  "wire": {json.dumps(self.wire.to_json())},\n'
+
+    def _tape_text(self) -> str:
+        return "" if self.tape is None else f'  "tape": {json.dumps(self.tape.to_json())},\n'
 
     def _device_text(self) -> str:
         return "" if self.device is None else f'  "device": {json.dumps(self.device)},\n'
@@ -362,7 +396,7 @@ class _Reader:
         known = {**OPTIONAL, **data} if isinstance(data, dict) else data
         table = self._table(known, "", keys)
         version, clock_hz, period, channels, lead_in, loop, inputs, buttons, commands = table[:9]
-        plan_error, device, wire = table[9:]
+        plan_error, device, wire, tape = table[9:]
         if self._whole(version, "version", 0) != VERSION:
             raise self._error("json-value", "version", f"is {version}, this servogen reads version {VERSION}")
         cycles = self._whole(period, "period_cycles", 1)
@@ -412,7 +446,16 @@ class _Reader:
             buttons=None if buttons is None else self._buttons(buttons, read),
             commands=None if commands is None else self._commands(commands, read, cycles),
             wire=None if wire is None else self._wire(wire, read),
+            tape=None if tape is None else self._tape(tape, read),
         )
+
+    def _tape(self, data: Any, channels: tuple[Channel, ...]) -> TapeRule:
+        scl, sda, eeprom = self._table(data, "tape", ("scl", "sda", "eeprom"))
+        pins = [
+            self._input({"pin": pin, "level": 1}, f"tape.{key}", channels).pin
+            for key, pin in (("scl", scl), ("sda", sda))
+        ]
+        return TapeRule(pins[0], pins[1], self._text(eeprom, "tape.eeprom"))
 
     def _wire(self, data: Any, channels: tuple[Channel, ...]) -> WireRule:
         pin, source, frames, cycles = self._table(data, "wire", ("pin", "from", "frames", "cycles"))

@@ -61,6 +61,7 @@ def verify(
             hint="state the clock of the chip that the schedule is for",
         )
     asked = whole_motion(expected) if checked is None else checked
+    observed = observed.without(expected.others)
     start = find_start(observed, channel_pins(expected))
     if start.cycle is None:
         return _silent(expected, observed, start, asked)
@@ -181,7 +182,7 @@ def _span(expected: Expected, asked: Cycles, compared: int) -> ComparedSpan:
     frames = compared // expected.period
     lead_in = min(frames, expected.lead_in)
     repeats = (frames - lead_in) // expected.loop if expected.loop else 0
-    return ComparedSpan(asked, Cycles(compared), frames, lead_in, repeats)
+    return ComparedSpan(asked, Cycles(compared), frames, lead_in, repeats, expected.others)
 
 
 def _first(stray: tuple[StrayPin, ...]) -> Difference | None:

@@ -30,6 +30,8 @@ class ComparedSpan:
     """`compared` contains this many whole frames, those of the lead-in included, and whole repeats of the
     loop.
     """
+    others: tuple[int, ...] = ()
+    """The pins that were not compared: the program moves them for something else."""
 
     @property
     def whole(self) -> bool:
@@ -411,7 +413,9 @@ def _headline(verdict: Verdict) -> str:
 def _span_words(verdict: Verdict) -> str:
     span = verdict.span
     seconds = float(verdict.clock.seconds(span.compared))
-    return f"compared {counted(span.compared, 'cycle')} ({seconds:g} s), {_frame_words(span)}, on all 13 pins"
+    beside = " and ".join(PINS[pin] for pin in span.others)
+    pins = f"all pins but the bus {beside}" if beside else "all 13 pins"
+    return f"compared {counted(span.compared, 'cycle')} ({seconds:g} s), {_frame_words(span)}, on {pins}"
 
 
 def _frame_words(span: ComparedSpan) -> str:

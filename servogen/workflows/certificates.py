@@ -6,6 +6,7 @@ In: a program and its schedule; proofs, or files of certificates. Out: what the 
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 from collections.abc import Iterable
 from contextlib import suppress
@@ -21,6 +22,7 @@ from servogen.outputs import write_bytes
 from servogen.pic.image import Image
 from servogen.prove import Proof, certificate, prove_for_all
 from servogen.pulse import PulseSchedule
+from servogen.pulse.schedule import TAPE_UNKNOWN
 
 MAX_CERTIFICATE_BYTES = 4 << 20
 CHECKED = "proven, checked"
@@ -34,11 +36,15 @@ class CertificateVerdict:
     text: str
     valid: bool
     missing: bool = False
+    covered: bool = True
+    """Whether a proof may decide it."""
 
     @property
     def sentence(self) -> str:
         """Return what a page says of it beside the verdict on one run."""
-        return f"all runs: {self.text}" + (": servogen build --prove" if self.missing else "")
+        return f"all runs: {self.text}" + (
+            ": servogen build --prove" if self.missing and self.covered else ""
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,6 +190,8 @@ def _found(files: Iterable[Path], image: Image, text: bytes) -> tuple[Path | Non
             digest = hashlib.sha256(text).hexdigest()
             if claim and (claim.image, claim.schedule) == (fingerprint(image), digest):
                 return file, _checked(claim, image, text)
+    if "tape" in json.loads(text):
+        return None, CertificateVerdict(f"not covered: {TAPE_UNKNOWN}", False, missing=True, covered=False)
     return None, CertificateVerdict("not proven yet", False, missing=True)
 
 

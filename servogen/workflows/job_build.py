@@ -14,6 +14,7 @@ from servogen.edges import EdgeTrace
 from servogen.engines.board import inputs_of, machine_of
 from servogen.engines.c_text import DIALECTS
 from servogen.engines.firmware import Firmware, ResourceError
+from servogen.engines.tape.content import tape_hex
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.job import PlannedJob
 from servogen.notebooks import table_html
@@ -23,6 +24,7 @@ from servogen.pic.image import Image, to_hex
 from servogen.pic.listing import listing_text
 from servogen.pulse import PulseSchedule
 from servogen.pulse.plan import PulsePlan
+from servogen.pulse.schedule import TAPE_FILE
 from servogen.report.text import BuildFacts, Overrun, ProgramFacts, report_text
 from servogen.simulator import Machine
 from servogen.simulator.stimulus import file_inputs
@@ -32,6 +34,9 @@ from servogen.verify import Verdict
 from servogen.workflows.advice import advised
 from servogen.workflows.engines import planned
 from servogen.workflows.verification import LOOPS_CHECKED, checked_cycles, judge_run
+
+TAPE_HEX = "tape.hex"
+"""The content of a tape in the form that programmers read."""
 
 EXPECTED_WARNING = "delay-rounded"
 """A warning that is omitted: the C states cycles as times, which the compiler is meant to round back; every
@@ -216,6 +221,7 @@ def _overrun(machine: Machine, address: int) -> bool:
 FILES = frozenset(
     (
         *("schedule.json", "main.lst", "report.txt", "edges.csv", "main.vcd", "main.hex"),
+        *(TAPE_FILE, TAPE_HEX),
         *(f"main.{dialect}.{suffix}" for dialect in DIALECTS for suffix in ("c", "hex")),
     )
 )
@@ -233,10 +239,14 @@ def write(result: Build, folder: Path) -> None:
             hex_name(result, program): to_hex(program.image),
         }
     texts |= {"main.lst": listing_text(own.firmware.compilation.listing), "report.txt": report(result)}
+    schedule = result.plan.schedule
+    if schedule.tape is not None:
+        texts[TAPE_HEX] = tape_hex(schedule.tape.content)
     with replaced_files(folder, FILES) as new:
         for name, text in texts.items():
             write_text(new / name, text)
-        schedule = result.plan.schedule
+        if schedule.tape is not None:
+            (new / TAPE_FILE).write_bytes(schedule.tape.content)
         write_edges(
             checked_edges(result),
             new / "edges.csv",

@@ -278,7 +278,7 @@ OBJECT = "is not an object with version, clock_hz, period_cycles, channels, lead
     [
         ('{\n "version": x}', "JSON syntax: Expecting value", 2, 13),
         ("[" * 100_000, "JSON syntax: nested too deeply", None, None),
-        ("[]", f"{OBJECT}, inputs, buttons, commands, plan_error, device, wire", None, None),
+        ("[]", f"{OBJECT}, inputs, buttons, commands, plan_error, device, wire, tape", None, None),
     ],
 )
 def test_a_text_that_is_not_a_schedule(text: str, message: str, line: int | None, column: int | None) -> None:

@@ -146,14 +146,17 @@ def layout(
     *,
     legs: bool = False,
     looking: bool = False,
+    motion_c: Cycles | None = None,
 ) -> SlotLayout:
     """Return the slots of `servos`, two of a port at a time: by pins if that fits, else by pulse length;
     before them one for `looking` at a wire.
 
     `used` are the pulses of the motion, one entry per servo; `doublings` is the number of times, over all
-    channels, that the C doubles a value. Raises InputError.
+    channels, that the C doubles a value. `motion_c` are the cycles reserved for the C between two frames if
+    it is not the player's. Raises InputError.
     """
-    motion_c = _motion_c(len(servos), doublings, legs=legs)
+    if motion_c is None:
+        motion_c = _motion_c(len(servos), doublings, legs=legs)
     stagger = STAGGER if frame.max_together == 1 else NONE
     for servo, widths in zip(servos, used, strict=True):
         if widths.shortest < MIN_WIDTH:
@@ -171,7 +174,7 @@ def layout(
         fitting = _slots(pairs, longest, motion_c, frame, clock)
         if fitting is not None:
             return SlotLayout(fitting[0], fitting[1], stagger, looking)
-    minimum = demand(servos, used, frame, clock, doublings, legs=legs).minimum
+    minimum = demand(servos, used, frame, clock, doublings, legs=legs, motion_c=motion_c).minimum
     raise InputError(
         "frame-too-short",
         f"the pulses do not fit a frame: those of {len(servos)} servos, two at a time, and the C for them "
@@ -204,9 +207,11 @@ def demand(
     doublings: int = 0,
     *,
     legs: bool = False,
+    motion_c: Cycles | None = None,
 ) -> Demand:
     """Return the lengths of the slots if servos with pulses of similar lengths share them."""
-    motion_c = _motion_c(len(servos), doublings, legs=legs)
+    if motion_c is None:
+        motion_c = _motion_c(len(servos), doublings, legs=legs)
     rooms = [widths.room(servo, clock) for servo, widths in zip(servos, used, strict=True)]
     pairs = _by_length(servos, rooms)
     longest = _longest(pairs, rooms, STAGGER if frame.max_together == 1 else NONE)

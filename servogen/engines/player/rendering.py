@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from typing import Protocol
 
 from servogen.engines.c_text import AsmLine, ChannelText, assembly, decimal, header_values, render_template
 from servogen.engines.inputs.buttons import PRESSED_FRAMES, ButtonPin, ControlButtons
@@ -19,7 +20,7 @@ from servogen.engines.inputs.commands import (
 )
 from servogen.engines.inputs.wire import LOOKED_LATE, FrameWire
 from servogen.engines.player.arithmetic import ENTRIES, FRACTION
-from servogen.engines.player.layout import TICKS, to_rise
+from servogen.engines.player.layout import TICKS, SlotLayout, to_rise
 from servogen.engines.player.playing import Playing
 from servogen.engines.player.script import (
     AGAIN,
@@ -34,6 +35,7 @@ from servogen.engines.player.script import (
 )
 from servogen.engines.stored_script import Stored
 from servogen.pic.device import EEPROM_ADDRESS, Device, registers
+from servogen.pulse.plan import PulsePlan
 from servogen.units import Cycles
 
 PRESCALER = 0x84
@@ -71,8 +73,22 @@ class _Slot:
     other: int
 
 
+class Slotted(Protocol):
+    """A motion whose pulses are in slots."""
+
+    @property
+    def plan(self) -> PulsePlan: ...
+
+    @property
+    def layout(self) -> SlotLayout: ...
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        """Return the channels in the order of the C."""
+
+
 @dataclass(frozen=True, slots=True)
-class _Slots:
+class Slots:
     """The slots of a frame, and what the C computes from the previous value instead of a table."""
 
     all: tuple[_Slot, ...]
@@ -82,7 +98,7 @@ class _Slots:
     """The number of slots before those on the second port."""
 
     @classmethod
-    def of(cls, played: Playing) -> _Slots:
+    def of(cls, played: Slotted) -> Slots:
         """Return the slots of a frame: those of each port are consecutive, those without pulses come last."""
         slots = []
         for slot in played.layout.slots:
@@ -203,7 +219,7 @@ def render_player(
     tick, clock, shifts = played.layout.tick, schedule.clock, encoded.scale.shifts
     shift = int(shifts.min())
     columns = len(legs.turns) if legs else len(schedule.channels)
-    slots = _Slots.of(played)
+    slots = Slots.of(played)
     constants = _constants(played, slots)
     high = sorted({int(base) >> 8 for base in encoded.scale.bases})
     spots = legs is not None and len(encoded.laws) > 2 * ENTRIES
@@ -330,7 +346,7 @@ class _Constants:
         return next(place for existing, place, _ in self.places if existing == name)
 
 
-def _constants(played: Playing, slots: _Slots) -> _Constants:
+def _constants(played: Playing, slots: Slots) -> _Constants:
     encoded = played.encoded
     constants = _Constants()
     timings = encoded.script.timings

@@ -106,7 +106,7 @@ def verify_capture(
     are evidence of one that is longer, the capture does not agree.
     """
     allowed = tolerances or Tolerances()
-    captured = captured.stored()
+    captured = captured.without(expected.others).stored()
     sampled = sampling(captured, sample)
     if sampled.stated:
         sampled.check(allowed.glitch_us)

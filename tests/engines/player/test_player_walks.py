@@ -29,7 +29,7 @@ from servogen.engines.player.legs import (
     played_steps,
     walk_events,
 )
-from servogen.engines.player.rendering import _button, _chain, _rows, _Slots, kernel
+from servogen.engines.player.rendering import Slots, _button, _chain, _rows, kernel
 from servogen.engines.player.script import (
     SILENT,
     STAY,
@@ -348,7 +348,7 @@ def played(slots: tuple[Slot, ...], pins: tuple[str, ...], order: tuple[int, ...
 
 def test_slots_are_masks_ticks_and_places() -> None:
     slots = (Slot("B", (2, 0), 40), Slot("B", (1,), 41), Slot("A", (3,), 42), Slot("B", (), 43))
-    made = _Slots.of(played(slots, ("RB1", "RB5", "RB0", "RA3"), (2, 0, 1, 3)))
+    made = Slots.of(played(slots, ("RB1", "RB5", "RB0", "RA3"), (2, 0, 1, 3)))
     assert [(slot.a, slot.b, slot.ticks, slot.channel, slot.other) for slot in made.all] == [
         (1, 2, 40, 0, 1), (0x20, 0, 41, 2, 2), (8, 0, 42, 3, 3), (0, 0, 43, 0, 0)
     ]  # fmt: skip
@@ -356,11 +356,11 @@ def test_slots_are_masks_ticks_and_places() -> None:
     assert (made.ports, made.first) == (("0x06", "0x05"), 2)
     assert made.singles and not made.b_follows and made.other_follows
     pairs = (Slot("B", (0, 1), 40), Slot("B", (2, 3), 41))
-    even = _Slots.of(played(pairs, ("RB0", "RB1", "RB4", "RB5"), (0, 1, 2, 3)))
+    even = Slots.of(played(pairs, ("RB0", "RB1", "RB4", "RB5"), (0, 1, 2, 3)))
     assert even.b_follows and not even.singles and even.other_follows and even.first == 2
-    mixed = _Slots.of(played(pairs, ("RB0", "RB1", "RB4", "RB5"), (0, 2, 1, 3)))
+    mixed = Slots.of(played(pairs, ("RB0", "RB1", "RB4", "RB5"), (0, 2, 1, 3)))
     assert not mixed.other_follows
-    apart = _Slots.of(played(pairs, ("RB0", "RB1", "RB4", "RB6"), (0, 1, 2, 3)))
+    apart = Slots.of(played(pairs, ("RB0", "RB1", "RB4", "RB6"), (0, 1, 2, 3)))
     assert not apart.b_follows
 
 

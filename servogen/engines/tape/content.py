@@ -1,0 +1,120 @@
+"""The content of a tape: the frames of a schedule as records, in the order in which they are read.
+
+In: a schedule, the order of its channels in the program. Out: `Content`, whose bytes begin at address 0.
+
+    address 0   identity, high and low byte: a CRC of all that follows, which the program knows
+            2   records of the lead-in
+         loop   records of the loop, the first one not a step
+                END, sum: the tape is read on from the loop's first record
+
+    record   kind and more frames (1) │ data │ sum (1)
+             STEP    n signed bytes: what each width is longer than in the frame before
+             FULL    2n bytes: each width in cycles, low and high byte
+             SILENT  no data: no pulses, the widths stay
+
+The lower six bits of a record's first byte are the number of further frames for which it holds. The sum
+begins with SEED at each record; each byte rotates it left by one bit and is added: another byte anywhere in
+a record is another sum.
+"""
+
+from __future__ import annotations
+
+import binascii
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from intelhex import IntelHex
+
+from servogen.errors import InputError
+from servogen.pulse import PulseSchedule
+from servogen.pulse.schedule import Run
+
+STEP, FULL, SILENT, END = 0x00, 0x40, 0x80, 0xC0
+KINDS, MORE = 0xC0, 0x3F
+SEED = 0x5A
+FIRST = 2
+"""The address of the first record, behind the identity."""
+LONGEST = 127
+"""The maximum of a step's byte, and one less than its most negative value."""
+
+
+@dataclass(frozen=True, slots=True)
+class Content:
+    """The bytes of a tape, and the address of the loop's first record."""
+
+    data: bytes
+    loop: int
+
+    @property
+    def identity(self) -> tuple[int, int]:
+        """Return the first two bytes."""
+        return self.data[0], self.data[1]
+
+
+def content(schedule: PulseSchedule, order: Sequence[int]) -> Content:
+    """Return the tape of a schedule whose channels have pulses together. Raises InputError without any."""
+    if not any(pulse for run in (*schedule.lead_in, *schedule.loop) for pulse in run.pulses):
+        raise InputError("no-pulses", "the motion has no pulse")
+    lead, widths = _records(schedule.lead_in, order, None)
+    loop, _ = _records(schedule.loop, order, widths, begins=True)
+    end = bytes([END])
+    records = b"".join((*lead, *loop, end, bytes([sum_of(end)])))
+    place = FIRST + sum(map(len, lead))
+    identity = binascii.crc_hqx(records + place.to_bytes(2, "big"), 0)
+    return Content(identity.to_bytes(2, "big") + records, place)
+
+
+def sum_of(record: bytes) -> int:
+    """Return the sum of a record's bytes."""
+    total = SEED
+    for byte in record:
+        total = (total << 1 | total >> 7) + byte & 0xFF
+    return total
+
+
+def tape_hex(data: bytes) -> str:
+    """Return the Intel HEX file of a tape."""
+    memory = IntelHex()
+    memory.puts(0, data)
+    text = io.StringIO()
+    memory.write_hex_file(text)
+    return text.getvalue()
+
+
+def _records(
+    runs: Sequence[Run], order: Sequence[int], widths: list[int] | None, *, begins: bool = False
+) -> tuple[list[bytes], list[int] | None]:
+    """Return the records of runs after a frame with `widths`, and the last widths; if it `begins` a loop,
+    the first record does not depend on these.
+    """
+    records = []
+    for number, run in enumerate(runs):
+        pulses = [int(pulse.width) for channel in order if (pulse := run.pulses[channel]) is not None]
+        body, kind = b"", SILENT
+        if pulses:
+            before = None if begins and number == 0 else widths
+            kind, body = _body(pulses, before)
+            widths = list(pulses)
+        elif begins and number == 0:
+            widths = None  # whatever the loop is entered from, its first widths are given in full
+        for more in _shares(run.frames):
+            record = bytes([kind | more - 1]) + body
+            records.append(record + bytes([sum_of(record)]))
+            if pulses:
+                kind, body = _body(pulses, pulses)
+    return records, widths
+
+
+def _body(widths: Sequence[int], before: Sequence[int] | None) -> tuple[int, bytes]:
+    if before is not None:
+        steps = [width - last for width, last in zip(widths, before, strict=True)]
+        if all(-LONGEST - 1 <= step <= LONGEST for step in steps):
+            return STEP, bytes(step & 0xFF for step in steps)
+    return FULL, b"".join(width.to_bytes(2, "little") for width in widths)
+
+
+def _shares(frames: int) -> Iterator[int]:
+    while frames > 0:
+        yield min(frames, MORE + 1)
+        frames -= MORE + 1

@@ -1,0 +1,115 @@
+"""A motion on a tape: its slots, its schedule, and the bytes that hold it.
+
+In: a job with a serial EEPROM. Out: `Taped`, each of whose widths is rounded to the nearest cycle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from servogen.engines.inputs import given
+from servogen.engines.inputs.tape import SDA, Tape
+from servogen.engines.player.layout import SlotLayout, Used, layout
+from servogen.engines.player.playing import ideal_widths, plan_error_of, rows_of, warnings_of
+from servogen.engines.player.soft_start import with_soft_start
+from servogen.engines.protocol import EngineJob
+from servogen.engines.tape.bus import Waits
+from servogen.engines.tape.content import Content, content
+from servogen.errors import Diagnostic, InputError
+from servogen.motion import JointTrajectory
+from servogen.pulse.plan import PulsePlan, joined_runs
+from servogen.pulse.quantise import NO_PULSE, PARTS
+from servogen.pulse.schedule import Channel, PulseSchedule, TapeRule
+from servogen.simulator.eeprom24 import PARTS as EEPROMS
+from servogen.units import Cycles
+
+
+@dataclass(frozen=True, slots=True)
+class Taped:
+    """A motion as the tape engine plays it."""
+
+    trajectory: JointTrajectory
+    plan: PulsePlan
+    layout: SlotLayout
+    content: Content
+    tape: Tape
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        """Return the channels in the order of the C: slot by slot."""
+        return self.layout.order
+
+
+def taped(job: EngineJob) -> Taped:
+    """Return the job's motion with its lead-in as a tape, each width rounded to the nearest cycle.
+
+    Raises InputError, also for a motion that the EEPROM does not hold.
+    """
+    tape = given(job.inputs, Tape)
+    if tape is None:
+        raise InputError("missing-key", f"{job.name} has no tape", hint="add a table [tape]")
+    motion, _ = with_soft_start(job.trajectory, job.servos, job.clock, job.firmware.soft_start_s)
+    clock, servos = job.clock, job.servos
+    ideal = ideal_widths(motion, servos, clock)
+    if np.isnan(ideal).all():
+        raise InputError("no-pulses", "the motion has no pulse")
+    silent = np.isnan(ideal)
+    # As in pulse.quantise: smaller differences than a part of a µs are floating-point noise.
+    parts = np.round(np.where(silent, 0, ideal) * float(clock.cycle_us) * PARTS) / PARTS
+    widths = np.floor(parts / float(clock.cycle_us) + 0.5).astype(np.int64)
+    pulsed = widths[~silent.any(axis=1)]
+    used = [Used(Cycles(int(channel.min())), Cycles(int(channel.max()))) for channel in pulsed.T]
+    slots = layout(servos, used, job.frame, clock, motion_c=Waits.at(clock).reserve(len(servos)))
+    rises = [slots.rise(channel) for channel in range(len(servos))]
+    pulses, lead = np.where(silent, NO_PULSE, widths), motion.loop_start
+    schedule = PulseSchedule(
+        clock,
+        slots.period,
+        tuple(Channel(servo.name, servo.pin, servo.model.name) for servo in servos),
+        joined_runs(pulses[:lead], rises),
+        joined_runs(pulses[lead:], rises),
+        plan_error=plan_error_of(motion, servos, widths, ideal, clock),
+    )
+    made = content(schedule, slots.order)
+    _check_size(job, schedule, made, tape)
+    schedule = replace(schedule, tape=TapeRule(tape.scl, SDA, tape.eeprom, made.data))
+    rows = tuple(rows_of(servos, widths, ideal, clock))
+    return Taped(
+        motion, PulsePlan(schedule, rows, warnings_of(motion, servos, job.frame, slots)), slots, made, tape
+    )
+
+
+def _check_size(job: EngineJob, schedule: PulseSchedule, made: Content, tape: Tape) -> None:
+    """Raise InputError for a tape that is longer than its EEPROM."""
+    size = EEPROMS[tape.eeprom].size
+    if len(made.data) <= size:
+        return
+    fits = [part for part, memory in EEPROMS.items() if memory.size >= len(made.data)]
+    larger = f'eeprom = "{fits[0]}" holds it, or' if fits else "no EEPROM with two address bytes holds it:"
+    seconds = _seconds(schedule)
+    raise InputError(
+        "does-not-fit",
+        f"{job.name}: {seconds:.1f} s of motion are {len(made.data)} bytes, and a {tape.eeprom} holds "
+        f"{size}, {seconds * size / len(made.data):.1f} s of such motion",
+        tape.place,
+        f"{larger} shorten the motion",
+    )
+
+
+def _seconds(schedule: PulseSchedule) -> float:
+    frames = schedule.lead_in_frames + schedule.loop_frames
+    return float(frames * schedule.clock.seconds(schedule.period))
+
+
+def length_note(made: Taped) -> Diagnostic:
+    """Return how much of the EEPROM the motion takes."""
+    schedule, size = made.plan.schedule, EEPROMS[made.tape.eeprom].size
+    seconds, taken = _seconds(schedule), len(made.content.data)
+    rate = seconds / taken
+    text = (
+        f"{seconds:.1f} s of motion take {taken} bytes of the {made.tape.eeprom}'s {size}: "
+        f"{1024 * rate:.2f} s per kilobyte; {size * rate:.0f} s of such motion fit"
+    )
+    return Diagnostic("note", "tape-length", text, made.tape.place)
