@@ -24,6 +24,7 @@ from servogen.motion.gait.commands import CommandedDirection
 from servogen.motion.gait.steps import Segment
 from servogen.motion.limits import JointLimits
 from servogen.motion.loads import check_torque
+from servogen.motion.torque import TorqueLimits
 from servogen.motion.trajectory import MAX_FRAMES, Floats
 from servogen.robot.servo import Servo
 from servogen.toml import file as toml_file
@@ -133,6 +134,7 @@ def _motion(
                 repeat=section.repeat,
                 release_at_end=section.end == "release",
                 limits=limits,
+                torque=_torque(job),
             )
             rows = zip(section.poses, poses, strict=True)
             named = tuple(NamedPose(row.name, pose.angles) for row, pose in rows)
@@ -191,6 +193,18 @@ def _limits(job: Job) -> tuple[JointLimits, ...]:
             speed = min(speed, top * abs(binding.ratio))
         limits.append(JointLimits(speed, servo.model.acceleration or math.inf))
     return tuple(limits)
+
+
+def _torque(job: Job) -> TorqueLimits | None:
+    """Return the torques of an arm's servos; None if no mass or no torque is known."""
+    tip = job.tip
+    if tip is None or not has_masses(tip.limb.arm):
+        return None
+    stated = np.array([servo.model.torque_nm or math.inf for servo in tip.servos])
+    if np.isinf(stated).all():
+        return None
+    columns = tuple(job.servos.index(servo) for servo in tip.servos)
+    return TorqueLimits(tip.limb.arm, tip.bindings, columns, stated)
 
 
 def _overloads(job: Job, planned: PlannedPoses) -> Iterator[Diagnostic]:

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from numpy.typing import ArrayLike
 
 from servogen.kinematics.forward import joint_array
-from servogen.kinematics.jacobian import jacobian
+from servogen.kinematics.jacobian import with_pose
 from servogen.kinematics.transforms import Floats
 from servogen.robot.model import Arm, FixedFrame
 
@@ -44,18 +44,29 @@ def gravity_torques(arm: Arm, q: ArrayLike) -> Floats:
 
     Units are N·m, or N for sliding joints. The base's frame has its z upwards.
     """
+    masses, _, slopes = moving_masses(arm, q)
+    return np.asarray(GRAVITY * np.einsum("k,...kn->...n", masses, slopes[..., 2, :]))
+
+
+def moving_masses(arm: Arm, q: ArrayLike) -> tuple[Floats, Floats, Floats]:
+    """Return the masses (k,) of the links and the payload, their places (..., k, 3), and the derivatives of
+    these by the joints (..., k, 3, n).
+    """
     q = joint_array(arm, q)
-    torques = np.zeros(q.shape)
+    parts: list[tuple[float, Arm]] = [(arm.payload, arm)] if arm.payload > 0 else []
     for index, joint in enumerate(arm.joints):
         if joint.mass > 0:
             last = next(number for number, row in enumerate(arm.rows) if row.joint == index)
             # The arm cut off after this joint, with the link's centre of mass as its tool: its Jacobian has
             # the rest.
             link = replace(arm, rows=arm.rows[: last + 1], tool=FixedFrame(*joint.centre))
-            torques += joint.mass * GRAVITY * jacobian(link, q)[..., 2, :]
-    if arm.payload > 0:
-        torques += arm.payload * GRAVITY * jacobian(arm, q)[..., 2, :]
-    return torques
+            parts.append((joint.mass, link))
+    places = np.zeros((*q.shape[:-1], len(parts), 3))
+    slopes = np.zeros((*places.shape, q.shape[-1]))
+    for index, (_, part) in enumerate(parts):
+        matrix, pose = with_pose(part, q)
+        places[..., index, :], slopes[..., index, :, :] = pose[..., :3, 3], matrix[..., :3, :]
+    return np.array([mass for mass, _ in parts]), places, slopes
 
 
 def foot_forces(feet: Floats, ground: npt.NDArray[np.bool_], centre: Floats, weight_n: float) -> Floats:

@@ -25,6 +25,7 @@ from servogen.motion.follow import Followed
 from servogen.motion.laws import law
 from servogen.motion.limits import JointLimits, at_rest, fastest, stretch
 from servogen.motion.time_optimal import time_optimal
+from servogen.motion.torque import TorqueLimits
 from servogen.motion.trajectory import Floats
 
 
@@ -180,31 +181,51 @@ def fastest_along(
     return None
 
 
-def quickest_along(follow: FollowPath, limits: Sequence[JointLimits], frame_s: float) -> Followed | None:
+def quickest_along(
+    follow: FollowPath, limits: Sequence[JointLimits], frame_s: float, torque: TorqueLimits | None = None
+) -> Followed | None:
     """Return a move along a path in which at every place some joint is at its limit; None for more than
     `MAX_PATH_FRAMES`.
     """
-    timed = time_optimal(lambda shares: follow(shares).angles, limits)
+    timed = time_optimal(lambda shares: follow(shares).angles, limits, torque)
     if timed is None:
         return follow(np.array([0.0, 1.0]))
     frames = max(1, math.ceil(timed.duration / frame_s - EXACT))
     while frames <= MAX_PATH_FRAMES:
         move = follow(timed.shares_in(frames))
         slower = stretch(at_rest(move.angles), frame_s, limits)
+        if torque is not None:
+            slower = max(slower, torque.stretch(move.angles, frame_s))
         if slower <= 1 + EXACT:
             return move
         frames = max(frames + 1, math.floor(frames * min(slower, 2.0)))
     return None
 
 
-def quickest_through(points: Floats, limits: Sequence[JointLimits], frame_s: float) -> Floats:
+def quickest_straight(
+    start: Floats, end: Floats, limits: Sequence[JointLimits], frame_s: float, torque: TorqueLimits
+) -> Floats | None:
+    """Return a straight move through joint space, as `quickest_along` does."""
+
+    def follow(shares: Floats) -> Followed:
+        # The last share is 1: there the move is at the end itself, without rounding.
+        part = shares[:, None]
+        return Followed(shares, np.where(part == 1, end, start + part * (end - start)), 0.0)
+
+    move = quickest_along(follow, limits, frame_s, torque)
+    return None if move is None else move.angles[1:]
+
+
+def quickest_through(
+    points: Floats, limits: Sequence[JointLimits], frame_s: float, torque: TorqueLimits | None = None
+) -> Floats:
     """Return a move through `points` on the curve of `fastest_through`, as `quickest_along` does."""
     curve = fastest_spline(points, limits)
 
     def follow(shares: Floats) -> Followed:
         return Followed(shares, curve.at(shares * curve.duration), 0.0)
 
-    move = quickest_along(follow, limits, frame_s)
+    move = quickest_along(follow, limits, frame_s, torque)
     return fastest_through(points, limits, frame_s, closed=False) if move is None else move.angles[1:]
 
 

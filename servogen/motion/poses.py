@@ -21,6 +21,7 @@ from servogen.errors import Diagnostic, InputError, Location, ServogenError
 from servogen.motion import moves
 from servogen.motion.follow import Followed
 from servogen.motion.limits import JointLimits
+from servogen.motion.torque import TorqueLimits
 from servogen.motion.trajectory import MAX_FRAMES, Floats, JointTrajectory, Part
 from servogen.units import Clock, Cycles
 
@@ -64,6 +65,8 @@ class Motion:
     repeat: bool = True
     release_at_end: bool = False
     limits: tuple[JointLimits, ...] = ()
+    torque: TorqueLimits | None = None
+    """The torque limits of the fastest moves, where the masses are known."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -185,19 +188,26 @@ class _Sampler:
             return
         before, pose = chain
         start, end = np.array(before.angles), np.array(pose.angles)
-        frame_s, limits = float(self.period_s), self.motion.limits
         try:
             if pose.path is not None:
                 self._along(pose, pose.path)
             elif pose.move_s is None:
-                # On a straight course a constant acceleration, speed and deceleration are the fastest.
-                law = "trapezoid" if pose.law == QUICKEST else pose.law
-                self._add(moves.fastest_straight(start, end, law, limits, frame_s), pose)
+                self._add(self._straight(start, end, pose.law), pose)
             else:
                 frames = self._count(pose.move_s, "move_s", pose)
                 self._add(moves.straight(start, end, pose.law, frames), pose)
         except ServogenError as error:
             raise error if error.location else error.at(pose.place) from error
+
+    def _straight(self, start: Floats, end: Floats, law: str) -> Floats:
+        """Return the move straight through joint space, without a time."""
+        limits, frame_s, torque = self.motion.limits, float(self.period_s), self.motion.torque
+        if law == QUICKEST and torque is not None:
+            move = moves.quickest_straight(start, end, limits, frame_s, torque)
+            if move is not None:
+                return move
+        # Without torques a constant acceleration, speed and deceleration are the fastest.
+        return moves.fastest_straight(start, end, "trapezoid" if law == QUICKEST else law, limits, frame_s)
 
     def _along(self, pose: Pose, path: moves.FollowPath) -> None:
         """Add the move along a path in space, with a note or warning about its chord error."""
@@ -205,7 +215,7 @@ class _Sampler:
         number = next(number for number, other in enumerate(self.motion.poses, 1) if other is pose)
         move: Followed | None
         if pose.law == QUICKEST:
-            move = moves.quickest_along(path, limits, frame_s)
+            move = moves.quickest_along(path, limits, frame_s, self.motion.torque)
         elif pose.move_s is None:
             move = moves.fastest_along(path, pose.law, limits, frame_s)
         else:
@@ -242,7 +252,7 @@ class _Sampler:
         if timed[0] is None:
             limits, frame_s = self.motion.limits, float(self.period_s)
             if chain[-1].law == QUICKEST and not closed:
-                self._add(moves.quickest_through(points, limits, frame_s), chain[-1])
+                self._add(moves.quickest_through(points, limits, frame_s, self.motion.torque), chain[-1])
             else:
                 self._add(moves.fastest_through(points, limits, frame_s, closed), chain[-1])
             return

@@ -1,10 +1,10 @@
-"""The fastest way along a given course of the joints: speed and acceleration limits, at rest at both ends.
+"""The fastest way along a given course of the joints, at rest at both ends: speed, acceleration, torque.
 
 In: angles at shares of a path, limits. Out: the share of the path at each frame, in the fewest frames.
 
     ṡ² │   ╱╲  limit of speed          s is the length of the course in the joints' space, each joint measured
        │  ╱  ╲___╱╲                    by its speed limit. In (ṡ², s̈) every acceleration limit is linear:
-       │ ╱ forward ╲ backward             |q'(s) s̈ + q''(s) ṡ²| ≤ a
+       │ ╱ forward ╲ backward             |q'(s) s̈ + q''(s) ṡ²| ≤ a, and so is every torque limit
        └───────────────▶ s            backward: the largest ṡ² from which the end can be reached; forward: the
                                       largest s̈ that stays below it
 
@@ -17,11 +17,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from servogen.errors import InputError
 from servogen.motion.limits import STILL, JointLimits
+from servogen.motion.torque import TorqueLimits
 from servogen.motion.trajectory import Floats
 
 FIRST, GRID, ROUNDS = 129, 800, 12
@@ -64,7 +66,9 @@ class TimedCourse:
         return np.asarray(shares)
 
 
-def time_optimal(course: Course, limits: Sequence[JointLimits]) -> TimedCourse | None:
+def time_optimal(
+    course: Course, limits: Sequence[JointLimits], torque: TorqueLimits | None = None
+) -> TimedCourse | None:
     """Return the fastest way along a course; None if no joint moves.
 
     Raises InputError if a joint moves that nothing limits.
@@ -77,11 +81,20 @@ def time_optimal(course: Course, limits: Sequence[JointLimits]) -> TimedCourse |
     with np.errstate(divide="ignore"):
         fast = np.nanmin(np.where(np.abs(slope) > STILL, (speed / np.abs(slope)) ** 2, np.inf), axis=1)
     fast = np.minimum(fast, FREE)
-    limited = [index for index, limit in enumerate(limits) if not math.isinf(limit.acceleration)]
-    maximum = np.array([limits[index].acceleration for index in limited])
+    maximum = np.broadcast_to([limit.acceleration for limit in limits], slope.shape)
+    bounds = [_Bounds(slope, bend, -maximum, maximum)]
+    if torque is not None:
+        places, levers = torque.levers(angles)
+        weight, most = torque.held(levers)
+        force, factor = (
+            np.einsum("nps,np->ns", levers, derivative) for derivative in _derivatives(places, lengths)
+        )
+        bounds.append(_Bounds(force, factor, -most - weight, most - weight))
+    every = _Bounds(*(np.hstack(parts) for parts in zip(*bounds, strict=True)))
+    limited = ~np.isinf(every.high).any(axis=0)
     squares = fast
-    if limited:
-        squares = _squares(slope[:, limited], bend[:, limited], maximum, fast, np.diff(lengths))
+    if limited.any():
+        squares = _squares(_Bounds(*(part[:, limited] for part in every)), fast, np.diff(lengths))
     steps = 2 * np.diff(lengths) / (np.sqrt(squares[:-1]) + np.sqrt(squares[1:]))
     return TimedCourse(shares, np.concatenate(([0.0], np.cumsum(steps))), lengths, squares)
 
@@ -126,9 +139,18 @@ def _derivatives(angles: Floats, lengths: Floats) -> tuple[Floats, Floats]:
     return first, second
 
 
-def _squares(slope: Floats, bend: Floats, maximum: Floats, fast: Floats, steps: Floats) -> Floats:
-    """Return the largest squares of the speed (n,) with which every acceleration keeps its `maximum`."""
-    rows = [_rows(slope, bend, maximum, index, step) for index, step in enumerate(steps.tolist())]
+class _Bounds(NamedTuple):
+    """Limits low ≤ slope · s̈ + bend · ṡ² ≤ high at every place, (n, limits) each."""
+
+    slope: Floats
+    bend: Floats
+    low: Floats
+    high: Floats
+
+
+def _squares(bounds: _Bounds, fast: Floats, steps: Floats) -> Floats:
+    """Return the largest squares of the speed (n,) that keep the bounds."""
+    rows = [_rows(bounds, index, step) for index, step in enumerate(steps.tolist())]
     count = len(fast)
     reach = np.zeros(count)
     for index in range(count - 2, -1, -1):
@@ -146,14 +168,13 @@ def _squares(slope: Floats, bend: Floats, maximum: Floats, fast: Floats, steps: 
     return squares
 
 
-def _rows(
-    slope: Floats, bend: Floats, maximum: Floats, index: int, step: float
-) -> tuple[Floats, Floats, Floats]:
+def _rows(bounds: _Bounds, index: int, step: float) -> tuple[Floats, Floats, Floats]:
     """Return the limits of an interval, force · s̈ + factor · ṡ² ≤ bound, at both of its ends."""
+    slope, bend, low, high = bounds
     after = slope[index + 1] + 2 * step * bend[index + 1]
     force = np.concatenate((slope[index], -slope[index], after, -after))
     factor = np.concatenate((bend[index], -bend[index], bend[index + 1], -bend[index + 1]))
-    return force, factor, np.tile(maximum, 4)
+    return force, factor, np.concatenate((high[index], -low[index], high[index + 1], -low[index + 1]))
 
 
 def _largest(

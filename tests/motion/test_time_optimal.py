@@ -1,6 +1,7 @@
 """The fastest way along a course: what is known in closed form, and what every fastest way has."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,10 +10,14 @@ from servogen.errors import InputError
 from servogen.job import PlannedJob, plan_job
 from servogen.job.reader import loads
 from servogen.job.starter import template
+from servogen.kinematics.statics import GRAVITY
 from servogen.motion.follow import Followed
 from servogen.motion.limits import JointLimits, at_rest, stretch
 from servogen.motion.moves import quickest_along, quickest_through
 from servogen.motion.time_optimal import time_optimal
+from servogen.motion.torque import TorqueLimits
+from servogen.robot.binding import Binding
+from servogen.robot.model import Arm, DHRow, FixedFrame, Joint, Length
 
 SPEED, ACCELERATION = 2.0, 5.0
 BOTH = [JointLimits(SPEED, ACCELERATION)] * 2
@@ -108,3 +113,69 @@ def test_a_time_of_its_own_is_refused() -> None:
     with pytest.raises(InputError, match="has no time of its own") as error:
         job_of(LINE.format(x=100, y=200, law='fastest", move_s = 1, name = "a'))
     assert error.value.location is not None and error.value.location.key == "motion.poses[2].move_s"
+
+
+MASS, RADIUS, TORQUE = 0.3, 0.2, 0.05
+
+
+def turntable(tilt: float = 0.0, ratio: float = 1.0, torque: float = TORQUE) -> TorqueLimits:
+    """One servo that turns a mass on a stick about an axis, upright or tilted."""
+    row = DHRow(0.0, Length(), Length(constant=RADIUS), 0.0, 0)
+    joint = Joint("turn", "turning", -math.pi, math.pi, 0.0)
+    robot = Arm("own", "", "standard", (joint,), (row,), base=FixedFrame(rx=tilt), payload=MASS)
+    return TorqueLimits(robot, (Binding("turn", "servo", 0.3, ratio),), (0,), np.array([torque]))
+
+
+def turned(share: np.ndarray) -> np.ndarray:
+    return np.outer(share, [1.0])
+
+
+@pytest.mark.parametrize("ratio", [1.0, -2.0])
+def test_a_torque_turns_a_mass_in_the_time_of_its_moment_of_inertia(ratio: float) -> None:
+    """Half of the way at M / m r², half at its opposite; a gear of i: i times the torque, 1/i of the way."""
+    timed = time_optimal(turned, [JointLimits(100.0)], turntable(ratio=ratio))
+    assert timed is not None
+    acceleration = abs(ratio) * TORQUE / (MASS * RADIUS**2)
+    assert timed.duration == pytest.approx(2 * math.sqrt(1 / abs(ratio) / acceleration), rel=1e-4)
+
+
+def test_a_lifted_mass_takes_what_its_weight_leaves_of_the_torque() -> None:
+    """What the torque less the weight gains up to the greatest speed, the torque and the weight take."""
+    weight = MASS * GRAVITY * RADIUS
+    limits = turntable(math.pi / 2, torque=1.5 * weight)
+    timed = time_optimal(turned, [JointLimits(100.0)], limits)
+    assert timed is not None
+    # The joint is at -0.3 at first: that is the binding's zero.
+    angle = np.interp(np.argmax(timed.squares), np.arange(len(timed.shares)), timed.shares) - 0.3
+    gained = 1.5 * weight * (angle + 0.3) - weight * (math.sin(angle) - math.sin(-0.3))
+    lost = 1.5 * weight * (0.7 - angle) + weight * (math.sin(0.7) - math.sin(angle))
+    assert gained == pytest.approx(lost, rel=1e-2)
+    assert timed.squares.max() == pytest.approx(2 * gained / (MASS * RADIUS**2) / 100**2, rel=1e-2)
+
+
+def test_every_frame_of_a_move_keeps_the_torque_and_a_servo_too_weak_for_the_weight_has_no_limit() -> None:
+    weight = MASS * GRAVITY * RADIUS
+    limits = turntable(math.pi / 2, torque=1.5 * weight)
+    move = quickest_along(
+        lambda shares: Followed(shares, turned(shares), 0.0), [JointLimits(100.0)], 0.01, limits
+    )
+    assert move is not None
+    samples = at_rest(move.angles)[:, 0] - 0.3
+    torque = MASS * RADIUS**2 * np.diff(samples, 2) / 0.01**2 + weight * np.cos(samples[1:-1])
+    assert 1.4 * weight < np.abs(torque).max() <= 1.5 * weight * 1.001
+    weak = turntable(math.pi / 2, torque=0.9 * weight)
+    fast, free = (time_optimal(turned, [JointLimits(2.0, 5.0)], torque) for torque in (weak, None))
+    assert fast is not None and free is not None and fast.duration == free.duration
+
+
+def test_an_arm_with_a_payload_takes_longer_where_its_servos_are_weak(tmp_path: Path) -> None:
+    text = template("arm")
+    line = LINE.format(x=100, y=200, law="fastest")
+    head = text[: text.index("[motion]")] + f"[motion]\nrepeat = false\nposes = [{line}]\n"
+    frames = []
+    for payload_g in (0, 94):
+        robot = tmp_path / f"robot{payload_g}.toml"
+        robot.write_text(f'name = "own"\nlike = "anthropomorphic"\npayload_g = {payload_g}\n')
+        own = head.replace('name = "anthropomorphic"', f'name = "{robot}"')
+        frames.append(len(plan_job(loads(own, "arm.toml")).trajectory.angles))
+    assert frames[1] > frames[0] + 1

@@ -85,7 +85,8 @@ def _meeting_point(direction: Floats, point: Floats) -> Floats | None:
 def _places(direction: Floats, point: Floats, wrist: Floats) -> bool:
     """Return whether the first three joints move the wrist in all directions, at some of four positions."""
     angles = np.random.default_rng(0).uniform(-np.pi, np.pi, (3, 4))
-    place, columns = np.broadcast_to(wrist, (4, 3)), []
+    place: Floats = np.broadcast_to(wrist, (4, 3))
+    columns: list[Floats] = []
     for joint in (2, 1, 0):
         turn = _turn(direction[joint], angles[joint])
         place = point[joint] + _turned(turn, place - point[joint])
