@@ -23,6 +23,16 @@ OTHER_PINS = 16
 """In a trace of two chips the pins of the second one, or of the one that is not shown, are numbered from here
 on: numbers between are of other things at a chip, such as MCLR."""
 PAIR_PINS = OTHER_PINS + len(PINS)
+PIN_NAMES = dict(enumerate(PINS))
+"""The pins of one chip by their numbers in a trace."""
+CHIP_MARKS = ("1.", "2.")
+"""What stands before the names of the pins of the first and the second of two chips."""
+PAIR_NAMES = {
+    number + begin: f"{mark}{pin}"
+    for begin, mark in zip((0, OTHER_PINS), CHIP_MARKS, strict=True)
+    for number, pin in enumerate(PINS)
+}
+"""The pins of two chips by their numbers in a trace."""
 
 LOW, HIGH, UNDRIVEN = 0, 1, 2
 """Levels. A pin that nothing drives is `UNDRIVEN`: 0 in CSV, z in VCD."""

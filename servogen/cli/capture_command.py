@@ -12,9 +12,11 @@ from servogen.cli.files import read_schedule_of
 from servogen.cli.options import Json, sampling_rate_option
 from servogen.cli.show import as_json, next_step, progress, status, warn
 from servogen.errors import Diagnostic, InputError, Location
+from servogen.programs import is_built_pair
 from servogen.units import counted
 from servogen.workflows.capture import Captured, CaptureSettings, capture_by_sigrok
 from servogen.workflows.capture import capture as captured
+from servogen.workflows.pair import read_pair
 
 DEFAULT_RATE = 1_000_000
 """Samples per second: one for each instruction cycle of a chip with a 4 MHz clock."""
@@ -82,7 +84,11 @@ def capture(
     json: Json = False,
 ) -> None:
     """Record the chip's pins with a logic analyser that speaks SUMP (Logic Sniffer, Bus Pirate, …)."""
-    schedule = None if against is None else read_schedule_of(against)
+    schedule, second = None, None
+    if against is not None and is_built_pair(against):
+        schedule, second = read_pair(against)[0]
+    elif against is not None:
+        schedule = read_schedule_of(against)
     looking = CaptureSettings(
         rate=analyser.rate or DEFAULT_RATE,
         fixed_rate=analyser.rate is not None,
@@ -110,8 +116,8 @@ def capture(
             "no analyser is given",
             hint="--port /dev/ttyACM0, or --sigrok fx2lafw",
         )
-    recorded = captured(output, analyser.port, schedule, seconds, looking, progress)
-    if recorded.seen.unseen and seconds is None:
+    recorded = captured(output, analyser.port, schedule, seconds, looking, progress, second)
+    if recorded.seen.unseen and seconds is None and second is None:
         looks = len(recorded.seen.records)
         text = (
             f"{recorded.seen.unseen} of the loop's different frames were not seen whole in {looks} captures"

@@ -18,19 +18,25 @@ from servogen.bench.analysers.sigrok import PROGRAM, c_compiler, modem_lines_lib
 from servogen.bench.inputs.wiring import input_wiring
 from servogen.bench.virtual.analyser import AnalyserOptions
 from servogen.bench.virtual.board import BoardOptions
+from servogen.bench.virtual.chip import SecondChip
 from servogen.bench.virtual.rig import RigOptions, with_fault
 from servogen.bench.virtual.rig import rig as opened
 from servogen.cli.files import read_image
 from servogen.cli.options import JobFile, Json, baud_option, sampling_rate_option
 from servogen.cli.show import as_json, status
 from servogen.drive.on_command import line_baud
-from servogen.engines.board import board_of
+from servogen.engines.board import board_of, paired_machine
 from servogen.engines.inputs.commands import CommandLine
 from servogen.engines.inputs.serial import Stream
-from servogen.job import load, plan_job
+from servogen.errors import InputError
+from servogen.job import PlannedJob, load, plan_job
 from servogen.pic.image import Image
+from servogen.programs import is_built_pair
+from servogen.pulse import PulseSchedule
+from servogen.simulator import PairedMachine, Stimulus
 from servogen.simulator.sources import pin_number
 from servogen.workflows.engines import PlayedJob, planned
+from servogen.workflows.pair import planned_pair, read_pair
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,14 +124,18 @@ def rig(
     for text in bench.fault or ():
         options = with_fault(options, text)
     with status(f"{loaded.name}: planning and compiling"):
-        played = planned(loaded)
-        image = read_image(hex_file) if hex_file else _image(played)
-    schedule = played.plan.schedule
+        if loaded.chips:
+            schedule, image, second = _pair(loaded, hex_file)
+        else:
+            played, second = planned(loaded), None
+            schedule, image = played.plan.schedule, read_image(hex_file) if hex_file else _image(played)
     levels = {pin_number(source.pin): source.level for source in schedule.inputs}
     levels.pop(options.serial_pin, None)
     ended = threading.Event()
     with ExitStack() as stack:
-        terminals = stack.enter_context(opened(image, loaded.clock, board_of(schedule), options, levels))
+        terminals = stack.enter_context(
+            opened(image, loaded.clock, board_of(schedule), options, levels, second)
+        )
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, lambda *_: ended.set())
         if json:
@@ -137,6 +147,26 @@ def rig(
             print("end it with Ctrl-C")
         sys.stdout.flush()
         terminals.serve(ended.is_set)
+
+
+def _pair(job: PlannedJob, folder: Path | None) -> tuple[PulseSchedule, Image, SecondChip]:
+    """Return the first chip's schedule and program, and the second chip; the programs are the job's, or those
+    in the folder of a build.
+    """
+    if folder is not None and not is_built_pair(folder):
+        hint = "--hex takes the folder that `servogen build` writes for the job"
+        message = f"{folder} does not have the programs of two chips"
+        raise InputError("chip-pair", message, job.document.place("chip"), hint)
+    if folder is not None:
+        schedules, (first, second) = read_pair(folder)
+    else:
+        played = planned_pair(job)
+        schedules, (first, second) = played.schedules, (each.compilation.image for each in played.firmware())
+
+    def beside(first: Image, second: Image, stimulus: Stimulus | None) -> PairedMachine:
+        return paired_machine(schedules, (first, second), stimulus=stimulus)
+
+    return schedules[0], first, SecondChip(second, beside)
 
 
 def _image(played: PlayedJob) -> Image:

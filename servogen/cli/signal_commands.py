@@ -28,7 +28,7 @@ from servogen.edges import EdgeTrace
 from servogen.errors import InputError, Location
 from servogen.outputs import write_text
 from servogen.pic.image import Image
-from servogen.programs import Program, chip_of, is_built_pair
+from servogen.programs import PAIR_FOLDERS, Program, chip_of, is_built_pair
 from servogen.pulse import PulseSchedule
 from servogen.report.pulse_plot import pulse_plot
 from servogen.simulator import SimulatorOptions
@@ -39,7 +39,8 @@ from servogen.units import Cycles
 from servogen.verify import Verdict, capture_lines, measurement_lines, verdict_lines
 from servogen.verify import measure as measured
 from servogen.workflows.measured_schedule import measured_schedule
-from servogen.workflows.pair import judge_folder
+from servogen.workflows.pair import judge_folder, read_pair
+from servogen.workflows.pair_capture import judge_pair_capture
 from servogen.workflows.signals import (
     device_for,
     is_program,
@@ -143,6 +144,8 @@ def verify(
     if against is None and claim.contract is None and is_built_pair(file):
         raise typer.Exit(_verify_pair(file, json))
     wires = wires_for(file, source.wire)
+    if against is not None and is_built_pair(against):
+        raise typer.Exit(_verify_pair_capture(file, against, wires, source, json))
     _one_claim(against, claim.contract, {"--stimulus": claim.stimulus, "--clock-hz": claim.clock_hz})
     if claim.contract is not None:
         _refuse_for_contract(forever, source.rate)
@@ -188,6 +191,24 @@ def _verify_pair(folder: Path, json: bool) -> int:
     else:
         print_lines(verdict.lines())
     return 0 if verdict.exact else 1
+
+
+def _verify_pair_capture(
+    file: Path, folder: Path, wires: Mapping[str, str] | None, source: RecordingOptions, json: bool
+) -> int:
+    """Judge a recording of both chips by a built pair and return the exit code."""
+    if is_program(file):
+        hint = " or ".join(f"--against {folder / name}" for name in PAIR_FOLDERS)
+        raise InputError(
+            "chip-pair", "is one program, and the schedules are those of two chips", Location(str(file)), hint
+        )
+    with status("comparing every edge of both chips"):
+        verdict = judge_pair_capture(read_pair(folder)[0], file, wires, source.rate)
+    if json:
+        as_json(verdict.to_json())
+    else:
+        print_lines(verdict.lines())
+    return 0 if verdict.accepted(source.partial) else 1
 
 
 def _refuse_for_contract(forever: bool, rate: int | None) -> None:

@@ -17,6 +17,7 @@ from servogen.simulator import (
     PairedMachine,
     SimulatorOptions,
     Stimuli,
+    Stimulus,
     on_pins,
 )
 from servogen.simulator.sources import Periodic, SignalSource, pin_number
@@ -41,19 +42,23 @@ def paired_machine(
     images: tuple[Image, Image],
     shown: int = 0,
     options: SimulatorOptions = SimulatorOptions(),  # noqa: B008 - frozen
+    stimulus: Stimulus | None = None,
 ) -> PairedMachine:
-    """Return two chips with the wire between them, of which number `shown`, 0 or 1, is shown."""
+    """Return two chips with the wire between them, of which number `shown`, 0 or 1, is shown.
+
+    `stimulus` is what is done to the pins of the first one, if that is shown.
+    """
     first, second = schedules
     assert second.wire is not None
     source, pin = pin_number(second.wire.source), pin_number(second.wire.pin)
     leading = partial(machine_of, first, images[0], options)
-    stimulus, other, wire = (
-        (None, Machine(images[1], second.clock, board_of(second, options)), (source, pin))
+    applied, other, wire = (
+        (stimulus, Machine(images[1], second.clock, board_of(second, options)), (source, pin))
         if shown == 0
         else (Stimuli([FirstChip(leading, source, pin)]), leading(), None)
     )
     board = board_of(schedules[shown], options)
-    return PairedMachine(images[shown], first.clock, board, stimulus, other, wire)
+    return PairedMachine(images[shown], first.clock, board, applied, other, wire)
 
 
 def inputs_of(schedule: PulseSchedule) -> Stimuli | None:

@@ -74,7 +74,8 @@ class PairedMachine(Machine):
     ) -> None:
         """Power up the shown chip; `wire` is its pin and the other one's if it is the first, else None."""
         super().__init__(image, clock, options, stimulus)
-        self._other = other
+        self.other = other
+        """The chip that is not shown."""
         self._wire = wire
         if wire is not None:
             other.apply([LevelChange(0, wire[1], LOW)])
@@ -82,33 +83,33 @@ class PairedMachine(Machine):
     @property
     def levels(self) -> tuple[int, ...]:
         mine = super().levels
-        return (*mine, *[UNDRIVEN] * (OTHER_PINS - len(mine)), *self._other.levels)
+        return (*mine, *[UNDRIVEN] * (OTHER_PINS - len(mine)), *self.other.levels)
 
     @property
     def pins(self) -> int:
-        return super().pins | self._other.pins << OTHER_PINS
+        return super().pins | self.other.pins << OTHER_PINS
 
     @property
     def edges_made(self) -> int:
-        return super().edges_made + self._other.edges_made
+        return super().edges_made + self.other.edges_made
 
     def fingerprint(self) -> bytes:
-        return super().fingerprint() + self._other.fingerprint()
+        return super().fingerprint() + self.other.fingerprint()
 
     def snapshot(self) -> PairedSnapshot:
         mine = super().snapshot()
         kept = {field.name: getattr(mine, field.name) for field in fields(Snapshot)}
-        return PairedSnapshot(**kept, other=self._other.snapshot())
+        return PairedSnapshot(**kept, other=self.other.snapshot())
 
     def restore(self, snapshot: Snapshot) -> None:
         assert isinstance(snapshot, PairedSnapshot)
         super().restore(snapshot)
-        self._other.restore(snapshot.other)
+        self.other.restore(snapshot.other)
 
     def repeat(self, first: Snapshot, second: Snapshot, times: int) -> None:
         assert isinstance(first, PairedSnapshot) and isinstance(second, PairedSnapshot)
         super().repeat(first, second, times)
-        self._other.repeat(first.other, second.other, times)
+        self.other.repeat(first.other, second.other, times)
 
     @staticmethod
     def repeats(first: Snapshot, second: Snapshot) -> bool:
@@ -131,7 +132,7 @@ class PairedMachine(Machine):
 
         An instruction of two cycles may have taken it a cycle too far; it reads no pin in its second one.
         """
-        other = self._other
+        other = self.other
         if self._wire is not None:
             changes = _changes(edges, *self._wire)
             late = [change._replace(cycle=max(change.cycle, other.cycles)) for change in changes]

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from servogen.edges import PINS, UNDRIVEN, EdgeChunk, EdgeTrace
+from servogen.edges import PIN_NAMES, PINS, UNDRIVEN, EdgeChunk, EdgeTrace
 from servogen.errors import InputError, Location
 from servogen.inputs import open_input
 from servogen.outputs import atomic_write
@@ -132,15 +132,16 @@ def capture_writer(
     servos: Mapping[str, str] | None = None,
     missing: str | None = None,
     pieces: Sequence[tuple[int, int]] = (),
+    pins: Mapping[int, str] = PIN_NAMES,
 ) -> Iterator[EdgeWriter]:
     """Yield a writer of a capture, whose cycles are samples, to a VCD file that `read_capture` recognises.
 
     `missing` is the reason why the capture is incomplete, `pieces` are the first and last sample of each of
-    several; both are written to the file.
+    several; both are written to the file. `pins` are the names of those that are written, by their numbers.
     """
     with atomic_write(path, "wb") as file:
         clock = step_clock(Fraction(samples_per_second), Location(str(path)))
-        yield VcdWriter(file, clock, servos, captured=True, missing=missing, pieces=pieces)
+        yield VcdWriter(file, clock, servos, captured=True, missing=missing, pieces=pieces, pins=pins)
 
 
 def _read_vcd(path: Path, wires: Mapping[str, str] | None) -> Capture:

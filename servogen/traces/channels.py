@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import TypeVar
 
-from servogen.edges import PINS
+from servogen.edges import PAIR_NAMES, PINS
 from servogen.errors import InputError, Location, did_you_mean
 from servogen.units import OSCILLATOR_PERIODS_PER_CYCLE, Clock
 
@@ -29,7 +29,7 @@ def wires_of(texts: Iterable[str]) -> dict[str, str] | None:
     wired: dict[str, str] = {}
     for text in texts:
         channel, _, pin = (part.strip() for part in text.rpartition("="))
-        if not channel or pin.upper() not in PINS:
+        if not channel or pin.upper() not in (*PINS, *PAIR_NAMES.values()):
             hint = did_you_mean(pin.upper(), PINS) if channel else "such as D0=RB0"
             raise InputError("bad-wiring", f"'{text}' does not assign a channel to a pin", hint=hint)
         if wired.setdefault(channel, pin.upper()) != pin.upper():

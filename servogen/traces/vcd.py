@@ -26,7 +26,18 @@ from vcd import VCDWriter
 from vcd.reader import TokenKind, VarDecl, VCDParseError, tokenize
 from vcd.writer import Variable
 
-from servogen.edges import HIGH, LOW, PINS, UNDRIVEN, Changes, EdgeChunk, EdgeTrace, edge_chunk
+from servogen.edges import (
+    HIGH,
+    LOW,
+    PAIR_PINS,
+    PIN_NAMES,
+    PINS,
+    UNDRIVEN,
+    Changes,
+    EdgeChunk,
+    EdgeTrace,
+    edge_chunk,
+)
 from servogen.errors import InputError, Location
 from servogen.inputs import open_input, size_text
 from servogen.traces import rows
@@ -123,6 +134,7 @@ class VcdWriter:
         missing: str | None = None,
         pieces: Sequence[tuple[int, int]] = (),
         inputs: Inputs = NO_INPUTS,
+        pins: Mapping[int, str] = PIN_NAMES,
     ) -> None:
         self.times = vcd_times(clock)
         self._file = file
@@ -142,8 +154,12 @@ class VcdWriter:
         names = servos or {}
         self._wires: list[Variable[object]] = [
             self._vcd.register_var(SCOPE, wire_name(pin, names.get(pin)), "wire", size=1, init="z")
-            for pin in PINS
+            for pin in pins.values()
         ]
+        self._first = len(pins) * len(STATES)
+        """The first row of an input."""
+        self._wire_of = np.zeros(PAIR_PINS, dtype=np.int64)
+        self._wire_of[list(pins)] = range(len(pins))
         self._wires += [
             self._vcd.register_var(SCOPE, f"in{INPUT_PINS[pin]}", "wire", size=1, init="z")
             for pin in inputs.pins
@@ -157,10 +173,10 @@ class VcdWriter:
         if len(chunk.cycle):
             inputs = self._inputs.until(int(chunk.cycle[-1]) + 1)
             chunk = self._changes(chunk)
-            self._add(inputs, (chunk.cycle, chunk.pin.astype(np.int64) * len(STATES) + chunk.level))
+            self._add(inputs, (chunk.cycle, self._wire_of[chunk.pin] * len(STATES) + chunk.level))
 
     def _add(self, inputs: Rows, edges: Rows) -> None:
-        first = len(PINS) * len(STATES)
+        first = self._first
         cycles, numbers = merged((inputs[0], inputs[1] + first), edges) if len(inputs[0]) else edges
         if self._declaring:
             at_zero = int(np.searchsorted(cycles, 1))

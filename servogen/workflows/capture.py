@@ -33,7 +33,7 @@ from servogen.bench.analysers.recording import (
 )
 from servogen.bench.analysers.sigrok import SigrokLook, sigrok_wires
 from servogen.bench.analysers.sigrok import capture as sigrok_capture
-from servogen.bench.analysers.sump import channel_of, wires
+from servogen.bench.analysers.sump import WIDE_BITS, WORD_BITS, channel_of, wires
 from servogen.bench.analysers.sump_client import (
     BAUD,
     AnalyserDescription,
@@ -43,6 +43,7 @@ from servogen.bench.analysers.sump_client import (
 )
 from servogen.bench.analysers.sump_client import capture as sump_capture
 from servogen.bench.ports import Port, open_port
+from servogen.edges import CHIP_MARKS, PAIR_NAMES, PIN_NAMES
 from servogen.errors import Location, ToolError
 from servogen.pulse import PulseSchedule, Run
 from servogen.pulse.expected import expected
@@ -170,34 +171,40 @@ def capture(
     seconds: float | None = None,
     looking: CaptureSettings = CaptureSettings(),
     progress: Progress = silent,
+    second: PulseSchedule | None = None,
 ) -> Captured:
-    """Capture the pins for `seconds`, by default for the schedule's whole loop, and write the capture.
+    """Capture the pins for `seconds`, by default for the schedule's whole loop, and write the capture; with
+    the schedule of a `second` chip those of both, in one capture.
 
     Raises InputError for a request that would show nothing, ToolError if the analyser fails; the data that it
     sent until then are kept beside `output`.
     """
-    wanted = wanted_of(schedule, seconds)
+    wanted, pair = wanted_of(schedule, seconds), second is not None
+    if second is not None:
+        wanted = wanted.beside(wanted_of(second, seconds))
     if schedule is not None:
         check_rate(looking.rate)
     check_name(output)
-    wired = wires(looking.wire)
-    pin = looking.trigger or (schedule.channels[0].pin if schedule else "RB0")
+    wired = wires(looking.wire, pair)
+    bits = WIDE_BITS if pair else WORD_BITS
+    first = f"{CHIP_MARKS[0] if pair else ''}{schedule.channels[0].pin if schedule else 'RB0'}"
+    pin = looking.trigger or first
     channel = looking.trigger_channel
     if channel is None and looking.triggered:
-        channel = channel_of(pin, wired)
+        channel = channel_of(pin, wired, pair)
     with open_port(port, BAUD) as line:
         device = identify(line)
-        several = looking.stitch and schedule is not None
+        several = looking.stitch and schedule is not None and not pair
         fastest = min(looking.rate, device.fastest or looking.rate)
         if schedule is not None:
             check_rate(fastest)
-        planned = plan(looking.memory or device.memory, fastest, looking.rle, wanted, several)
-        look = partial(_look, line, channel=channel, armed=looking.armed, progress=progress)
-        seen = _looks(look, planned, wanted.frames, wired, schedule, seconds is None)
-    servos = {channel.pin: channel.name for channel in schedule.channels} if schedule else {}
-    path = write_capture(
-        output, int(planned.rate), stitched(seen.records, int(planned.rate)), servos, seen.missing
-    )
+        planned = plan(looking.memory or device.memory, fastest, looking.rle, wanted, several, bits)
+        look = partial(_look, line, channel=channel, armed=looking.armed, progress=progress, bits=bits)
+        seen = _looks(look, planned, wanted.frames, wired, None if pair else schedule, seconds is None)
+    servos = {channel.pin: channel.name for channel in schedule.channels} if schedule and not pair else {}
+    names = {pin: PAIR_NAMES[pin] for pin in sorted(wired.values())} if pair else PIN_NAMES
+    whole = stitched(seen.records, int(planned.rate))
+    path = write_capture(output, int(planned.rate), whole, servos, seen.missing, names)
     if seen.missing is not None:
         raise ToolError(
             "capture-failed",
@@ -289,10 +296,16 @@ def _look(
     channel: int | None,
     armed: Callable[[], None],
     progress: Progress,
+    bits: int,
 ) -> ReceivedSamples:
     patience = SLACK * float(planned.seconds) + PATIENCE_S
     look = SampleRequest(
-        rate=planned.rate, words=planned.words, rle=planned.rle, channel=channel, patience_s=patience
+        rate=planned.rate,
+        words=planned.words,
+        rle=planned.rle,
+        channel=channel,
+        patience_s=patience,
+        bits=bits,
     )
     with progress(label, planned.words) as completed:
         return sump_capture(line, look, completed, armed)

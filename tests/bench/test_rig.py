@@ -54,7 +54,9 @@ def test_the_board_leaves_the_serial_lines_pin_alone(run: Run, monkeypatch: pyte
     """The schedule of this job says that RA4, on which it listens, rests at 1: the line is what holds it."""
     held = []
 
-    def opened(image: object, clock: object, board: object, options: RigOptions, levels: object) -> None:
+    def opened(
+        image: object, clock: object, board: object, options: RigOptions, levels: object, second: object
+    ) -> None:
         held.append((options.serial_pin, levels))
         raise ToolError("stopped", "this is enough")
 

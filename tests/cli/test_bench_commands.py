@@ -169,7 +169,9 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
             seen["after"] = ended()
 
     @contextmanager
-    def opened(image: Any, clock: Any, board: Any, options: Any, levels: Any) -> Iterator[Terminals]:
+    def opened(
+        image: Any, clock: Any, board: Any, options: Any, levels: Any, second: Any
+    ) -> Iterator[Terminals]:
         seen.update(image=image, hz=clock.hz, options=options, levels=levels)
         yield Terminals()
 
@@ -265,7 +267,10 @@ def captured(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     )
     seen["recorded"] = recorded
 
-    def by_port(output: Path, port: str, schedule: Any, seconds: Any, looking: Any, progress: Any) -> Any:
+    def by_port(
+        output: Path, port: str, schedule: Any, seconds: Any, looking: Any, progress: Any, second: Any
+    ) -> Any:
+        assert second is None
         seen["asked"] = (output, port, schedule, seconds)
         seen["looking"] = looking
         return recorded

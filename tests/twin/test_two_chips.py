@@ -12,31 +12,7 @@ from servogen.twin import TwinSettings, TwinVerdict, planned_of, simulate, verdi
 from servogen.twin.causes import EventKind
 from servogen.workflows.pair import planned_pair
 from servogen.workflows.twinning import twin_of
-
-ONE = '[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n'
-TWO = "".join(f'[{ONE[:6]}]{ONE[6:]}wire = "{pin}"\n' for pin in ("RB0", "RA1"))
-ARM = """
-[robot]
-name = "theta1-theta2"
-
-[[servo]]
-name = "shoulder"
-pin = "RB0"
-model = "futaba-s3001"
-joint = "q1"
-
-[[servo]]
-name = "elbow"
-pin = "{elbow}"
-model = "futaba-s3001"
-joint = "q2"
-
-[motion]
-poses = [
-    {{ shoulder_deg = 60, elbow_deg = 110, hold_s = 0.4 }},
-    {{ shoulder_deg = 90, elbow_deg = 70, hold_s = 0.4 }},
-]
-"""
+from tests.two_chips import ARM, ONE, TWO
 
 
 def moved(chips: str, elbow: str) -> TwinVerdict:

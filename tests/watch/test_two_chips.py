@@ -13,7 +13,7 @@ import pytest
 from servogen.edges import OTHER_PINS, PINS
 from servogen.watch.session import WatchSession, repetition_of
 from servogen.watch.subject import Setting, Subject, load_subject
-from tests.twin.test_two_chips import ARM, TWO
+from tests.two_chips import ARM, TWO
 from tests.watch.serving import Running
 from tests.watch.test_server import asked, messages, opened
 from tests.watch.test_session import answer

@@ -56,6 +56,15 @@ class CaptureNeeds:
     most: int
     """The maximum number of edges in any one frame."""
 
+    def beside(self, other: CaptureNeeds) -> CaptureNeeds:
+        """Return what a capture needs that also has the edges of another chip."""
+        return replace(
+            self,
+            edges=self.edges + other.edges,
+            fewest=self.fewest + other.fewest,
+            most=self.most + other.most,
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class CapturePlan:
@@ -82,7 +91,9 @@ class CapturePlan:
         )
 
 
-def plan(memory: int, rate: int, rle: bool, wanted: CaptureNeeds, several: bool = False) -> CapturePlan:
+def plan(
+    memory: int, rate: int, rle: bool, wanted: CaptureNeeds, several: bool = False, bits: int = sump.WORD_BITS
+) -> CapturePlan:
     """Return the plan of a capture of all that is wanted or, if `several` are made, of as much as one can
     hold.
 
@@ -97,7 +108,7 @@ def plan(memory: int, rate: int, rle: bool, wanted: CaptureNeeds, several: bool 
             f"it divides {sump.BASE_HZ} by a whole number up to {MAX_DIVISOR}",
             hint=f"try {advised}",
         )
-    room = min(memory // (sump.WORD_BITS // 8), sump.MAX_READ_WORDS) // 4 * 4
+    room = min(memory // (bits // 8), sump.MAX_READ_WORDS) // 4 * 4
     # The trigger comes somewhere inside a frame: that one is not whole, but takes memory like the largest.
     first = words_of_frame(exact, rle, wanted.period_s, Fraction(wanted.most)) + SLACK
     per_frame = words_of_frame(exact, rle, wanted.period_s, wanted.edges)

@@ -18,7 +18,7 @@ from servogen.bench.analysers.memory import CapturePlan
 from servogen.bench.analysers.sump import Runs
 from servogen.bench.analysers.sump_client import ReceivedSamples
 from servogen.bench.ports import Unplugged
-from servogen.edges import UNDRIVEN, EdgeChunk, EdgeTrace, Expected, edge_chunk, join, part
+from servogen.edges import PIN_NAMES, UNDRIVEN, EdgeChunk, EdgeTrace, Expected, edge_chunk, join, part
 from servogen.errors import InputError, Location, ToolError
 from servogen.traces.captures import capture_writer
 from servogen.units import OSCILLATOR_PERIODS_PER_CYCLE, Clock, Cycles
@@ -99,11 +99,16 @@ def stitched(records: Sequence[SampleRecord], rate: int) -> SampleRecord:
 
 
 def write_capture(
-    path: Path, rate: int, record: SampleRecord, servos: Mapping[str, str], missing: str | None = None
+    path: Path,
+    rate: int,
+    record: SampleRecord,
+    servos: Mapping[str, str],
+    missing: str | None = None,
+    pins: Mapping[int, str] = PIN_NAMES,
 ) -> Path:
     """Write edges in samples, and return the path of the file, which differs if something is `missing`."""
     target = path if missing is None else partial_name(path)
-    with capture_writer(target, rate, servos, missing, record.pieces) as writer:
+    with capture_writer(target, rate, servos, missing, record.pieces, pins) as writer:
         writer.add(record.chunk)
         writer.finish(Cycles(record.end))
     return target

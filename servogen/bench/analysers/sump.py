@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from servogen.edges import PINS
+from servogen.edges import OTHER_PINS, PAIR_NAMES, PIN_NAMES
 from servogen.errors import InputError, did_you_mean
 
 BASE_HZ = 100_000_000
@@ -31,6 +31,9 @@ WORD_BITS = 16
 
 CHANNELS = WORD_BITS - 1
 """The number of usable channels: with RLE the top one marks counts."""
+
+WIDE_BITS = 32
+"""Bits per word of a capture of two chips: all four groups are on."""
 
 MAX_READ_WORDS = 4 << 16
 """The maximum number of words that the 16-bit read count, in units of four, can request."""
@@ -181,31 +184,42 @@ CHANNEL_PINS = (*range(5, 13), *range(5))
 """The default wiring: the index in `PINS` of each channel's pin, RB0 to RB7, RA0 to RA4."""
 
 
-def wires(texts: Iterable[str]) -> Mapping[int, int]:
-    """Return the pin of each channel from texts such as `0=RB0`; by default `CHANNEL_PINS`. Raises
-    InputError.
+PAIR_WIRES = {
+    channel + begin: pin + begin for begin in (0, OTHER_PINS) for channel, pin in enumerate(CHANNEL_PINS)
+}
+"""The default wiring of two chips: the second one's pins are on the third and fourth group of channels, in
+the same order.
+"""
+
+
+def wires(texts: Iterable[str], pair: bool = False) -> Mapping[int, int]:
+    """Return the number of each channel's pin from texts such as `0=RB0`, of two chips `16=2.RB0`; by default
+    `CHANNEL_PINS` or `PAIR_WIRES`. Raises InputError.
     """
+    names = {name: number for number, name in (PAIR_NAMES if pair else PIN_NAMES).items()}
+    channels = WIDE_BITS - 1 if pair else CHANNELS
     wired: dict[int, int] = {}
     for text in texts:
         channel, _, pin = text.partition("=")
         name = pin.strip().upper()
-        if not channel.strip().isdigit() or int(channel) >= CHANNELS:
+        if not channel.strip().isdigit() or int(channel) >= channels:
             raise InputError(
                 "bad-wiring",
                 f"'{text}' is not a channel",
-                hint=f"such as 0=RB0; channels are 0 to {CHANNELS - 1}",
+                hint=f"such as 0=RB0; channels are 0 to {channels - 1}",
             )
-        if name not in PINS:
-            raise InputError("unknown-pin", f"'{text}' is not a pin", hint=did_you_mean(name, PINS))
-        if int(channel) in wired or PINS.index(name) in wired.values():
+        if name not in names:
+            raise InputError("unknown-pin", f"'{text}' is not a pin", hint=did_you_mean(name, names))
+        if int(channel) in wired or names[name] in wired.values():
             raise InputError("bad-wiring", f"'{text}': channel or pin is wired twice")
-        wired[int(channel)] = PINS.index(name)
-    return wired or dict(enumerate(CHANNEL_PINS))
+        wired[int(channel)] = names[name]
+    return wired or (PAIR_WIRES if pair else dict(enumerate(CHANNEL_PINS)))
 
 
-def channel_of(pin: str, wired: Mapping[int, int]) -> int:
-    """Return the channel connected to `pin`. Raises InputError."""
-    names = {PINS[number]: channel for channel, number in wired.items()}
+def channel_of(pin: str, wired: Mapping[int, int], pair: bool = False) -> int:
+    """Return the channel connected to `pin`, of two chips `1.RB0`. Raises InputError."""
+    known = PAIR_NAMES if pair else PIN_NAMES
+    names = {known[number]: channel for channel, number in wired.items()}
     if pin.upper() not in names:
         raise InputError(
             "bad-wiring", f"no channel of the analyser is wired to {pin}", hint=did_you_mean(pin, names)

@@ -50,6 +50,8 @@ class SampleRequest:
     channel: int | None
     patience_s: float
     """The timeout for the first byte: for the trigger and the capture itself."""
+    bits: int = sump.WORD_BITS
+    """The bits of a word: eight for each group of channels that is on, from the first one on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,7 +158,8 @@ def capture(
     port.write(_settings(look))
     port.write(sump.short(SumpCommand.RUN))
     armed()
-    wanted = 2 * look.words
+    size = look.bits // 8
+    wanted = size * look.words
     data = bytearray()
     missing = None
     try:
@@ -170,7 +173,7 @@ def capture(
                 missing = f"the analyser stopped sending after {len(data)} of {wanted} bytes"
                 break
             data += more
-            progress(len(data) // 2)
+            progress(len(data) // size)
         # A device that counts its words otherwise would have shifted all samples.
         if missing is None and port.read(1, MORE_S):
             raise ToolError(
@@ -182,7 +185,8 @@ def capture(
         if not data:
             raise
         missing = f"the analyser disappeared after {len(data)} of {wanted} bytes"
-    return ReceivedSamples(sump.decode(sump.from_bytes(bytes(data)), look.rle), missing)
+    words = sump.from_bytes(bytes(data), look.bits)
+    return ReceivedSamples(sump.decode(words, look.rle, look.bits), missing)
 
 
 def _never(port: Port, look: SampleRequest) -> ToolError:
@@ -201,7 +205,9 @@ def _settings(look: SampleRequest) -> bytes:
     """Return the commands that configure a capture: trigger, divider, counts, flags."""
     # The protocol counts in fours, less one; both counts are equal, so that all samples follow the trigger.
     fours = look.words // 4 - 1
-    flags = Flag.FILTER | Flag.NO_GROUP_3 | Flag.NO_GROUP_4
+    flags = Flag.FILTER
+    for off in sump.GROUP_FLAGS[look.bits // 8 :]:
+        flags |= off
     if look.rle:
         flags |= Flag.RLE | Flag.COUNTS_EXCLUSIVE
     return b"".join(

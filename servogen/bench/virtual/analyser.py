@@ -18,7 +18,7 @@ from fractions import Fraction
 import numpy as np
 
 from servogen.bench.analysers import sump
-from servogen.bench.analysers.sump import CHANNEL_PINS, Flag, Key, Runs, SumpCommand
+from servogen.bench.analysers.sump import CHANNEL_PINS, PAIR_WIRES, Flag, Key, Runs, SumpCommand
 from servogen.bench.virtual.chip import VirtualChip
 
 SLICE_S, SHORT_SLICE_S = Fraction(1, 4), Fraction(1, 50)
@@ -145,7 +145,7 @@ def _from(runs: Runs, index: int) -> Runs:
 def _channels(levels: sump.Words) -> sump.Words:
     """Return the pins' levels as the analyser's channels have them."""
     word = np.zeros(len(levels), dtype=np.uint32)
-    for channel, pin in enumerate(CHANNEL_PINS):
+    for channel, pin in PAIR_WIRES.items():
         word |= (levels >> np.uint32(pin) & np.uint32(1)) << np.uint32(channel)
     beyond = np.uint32(0xFFFF >> len(CHANNEL_PINS) << len(CHANNEL_PINS))
     return word | (levels & beyond)

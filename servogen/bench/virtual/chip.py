@@ -18,9 +18,9 @@ import numpy as np
 import numpy.typing as npt
 
 from servogen.bench.virtual.connections import ShortCircuit, Wiring
-from servogen.edges import HIGH, LOW, PINS, UNDRIVEN, join
+from servogen.edges import HIGH, LOW, PAIR_NAMES, PAIR_PINS, PIN_NAMES, UNDRIVEN, join
 from servogen.pic.image import Image
-from servogen.simulator import LevelChange, Machine, SimulatorOptions, Stimulus
+from servogen.simulator import LevelChange, Machine, PairedMachine, SimulatorOptions, Stimulus
 from servogen.units import Clock
 
 Levels = tuple[npt.NDArray[np.int64], npt.NDArray[np.uint32]]
@@ -57,6 +57,8 @@ class VirtualChip:
     """Called with the pins' levels whenever the chip has run, and the cycle up to which it ran."""
     watched: bool = False
     """Whether the levels of runs by others are kept for `look`."""
+    second: SecondChip | None = None
+    """The second one of two chips on one crystal."""
     alarms: list[Alarm] = field(default_factory=list)
     channels: int = 0
     """The levels of the analyser's channels beyond the chip's pins, in the bits above these."""
@@ -77,13 +79,18 @@ class VirtualChip:
     _seen: list[Levels] = field(default_factory=list)
 
     def __post_init__(self) -> None:
+        if self.second is not None:
+            self.second.first = self
         self.load(self.image)
 
     def load(self, image: Image) -> None:
         """Load another image and reset the chip; its pins are low until it drives them."""
         self._before += self.machine.cycles if self._reset_at else 0
         self.image = image
-        self.machine = Machine(image, self.clock, self.options, self.stimulus)
+        if self.second is None:
+            self.machine = Machine(image, self.clock, self.options, self.stimulus)
+        else:
+            self.machine = self.second.beside(image, self.second.image, self.stimulus)
         self._reset_at = time.monotonic()
         self._origin = self._before
         self._outside = {}
@@ -97,9 +104,14 @@ class VirtualChip:
 
         A pin that nothing drives is low, as an analyser's input with a pull-down sees it.
         """
-        driven = self.machine.levels if self._on else (UNDRIVEN,) * len(PINS)
-        levels = (self._outside.get(pin) if level == UNDRIVEN else level for pin, level in enumerate(driven))
-        return self.channels | sum((level == HIGH) << pin for pin, level in enumerate(levels))
+        driven = self.machine.levels if self._on else (UNDRIVEN,) * PAIR_PINS
+        levels = [self._outside.get(pin) if level == UNDRIVEN else level for pin, level in enumerate(driven)]
+        return self.channels | sum((levels[pin] == HIGH) << pin for pin in self._pins)
+
+    @property
+    def _pins(self) -> tuple[int, ...]:
+        """Return the numbers of the pins of the chip, or of both."""
+        return tuple(PIN_NAMES if self.second is None else PAIR_NAMES)
 
     @property
     def now(self) -> int:
@@ -243,11 +255,11 @@ class VirtualChip:
         chunk = join(self.machine.stream(cycles))
         if not len(chunk.cycle):
             return begin
-        rest = np.array([self._outside.get(pin) == HIGH for pin in range(len(PINS))])
+        rest = np.array([self._outside.get(pin) == HIGH for pin in range(PAIR_PINS)])
         highs = np.where(chunk.level == UNDRIVEN, rest[chunk.pin], chunk.level == HIGH)
         cycle = np.concatenate((begin[0], chunk.cycle + before))
-        level = np.full(len(cycle), word & ~((1 << len(PINS)) - 1), dtype=np.uint32)
-        for pin in range(len(PINS)):
+        level = np.full(len(cycle), word & ~sum(1 << pin for pin in self._pins), dtype=np.uint32)
+        for pin in self._pins:
             # For each row the row of this pin's latest change, 0 for the level at the beginning: the level
             # from then on.
             own = np.flatnonzero(chunk.pin == pin)
@@ -266,6 +278,27 @@ class VirtualChip:
         now = np.array([chunk.cycle[-1] + self._before], dtype=np.int64)
         word = np.array([self.word], dtype=np.uint32)
         return np.concatenate((begin[0], now)), np.concatenate((begin[1], word))
+
+
+@dataclass(slots=True)
+class SecondChip:
+    """The second one of two chips on one crystal, for a programmer; it begins anew with the `first`."""
+
+    image: Image
+    beside: Callable[[Image, Image, Stimulus | None], PairedMachine]
+    """Powers both up: the programs of the first and the second, what is done to the first one's pins."""
+    first: VirtualChip | None = None
+
+    def load(self, image: Image) -> None:
+        """Load another image and reset both chips."""
+        assert self.first is not None
+        self.image = image
+        self.first.load(self.first.contents())
+
+    def contents(self) -> Image:
+        """Return the chip's contents: the image, with the EEPROM as the program has left it."""
+        assert self.first is not None and isinstance(self.first.machine, PairedMachine)
+        return self.first.machine.other.contents()
 
 
 @dataclass(slots=True)

@@ -18,7 +18,7 @@ import time
 from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass, field
 
-from servogen.bench.virtual.chip import VirtualChip
+from servogen.bench.virtual.chip import SecondChip, VirtualChip
 from servogen.pic.device import EEPROM_BYTES, ERASED_WORD, ID_WORDS, PROGRAM_WORDS
 from servogen.pic.image import Image
 from servogen.pic.isa import WORD_MASK
@@ -67,7 +67,7 @@ class ProgrammerOptions:
 
 @dataclass(slots=True)
 class VirtualProgrammer:
-    chip: VirtualChip
+    chip: VirtualChip | SecondChip
     options: ProgrammerOptions = ProgrammerOptions()
     outgoing: bytearray = field(default_factory=bytearray)
     gone: bool = False

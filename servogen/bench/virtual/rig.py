@@ -15,7 +15,7 @@ from typing import Any
 from servogen.bench.inputs.wiring import InputWiring, input_wiring
 from servogen.bench.virtual.analyser import AnalyserOptions, VirtualAnalyser
 from servogen.bench.virtual.board import BoardOptions, VirtualBoard
-from servogen.bench.virtual.chip import VirtualChip
+from servogen.bench.virtual.chip import SecondChip, VirtualChip
 from servogen.bench.virtual.k150 import ProgrammerOptions, VirtualProgrammer
 from servogen.bench.virtual.serial_line import LineReceiver, LineStimulus, SerialLine
 from servogen.bench.virtual.terminals import TerminalDevice, Terminals, terminals
@@ -93,10 +93,12 @@ def rig(
     board: SimulatorOptions,
     options: RigOptions,
     held: Mapping[int, int] = MappingProxyType({}),
+    second: SecondChip | None = None,
 ) -> Iterator[Terminals]:
     """Yield the bench with `image` on its chip; `paths` has "programmer", "analyser", "inputs", "serial".
 
-    `held` has the levels at which the board holds pins that the program reads, by the pins' numbers.
+    With a `second` chip there is also "programmer2", and the analyser has the pins of both. `held` has the
+    levels at which the board holds pins that the program reads, by the pins' numbers.
     """
     stimulus = LineStimulus(options.serial_pin, options.baud, options.inverted, held)
     chip = VirtualChip(
@@ -106,6 +108,7 @@ def rig(
         ppm=options.ppm,
         stimulus=stimulus,
         in_real_time=options.real_time,
+        second=second,
     )
     devices: dict[str, TerminalDevice] = {
         "programmer": VirtualProgrammer(chip, options.programmer),
@@ -113,6 +116,8 @@ def rig(
         "inputs": VirtualBoard(chip, options.inputs, options.board),
         "serial": SerialLine(chip, stimulus, _receiver(chip, options)),
     }
+    if second is not None:
+        devices["programmer2"] = VirtualProgrammer(second, options.programmer)
     chip.run(int(SETTLED_S * chip.cycles_per_second))
     with terminals(devices) as opened:
         yield opened
