@@ -8,9 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from copy import copy
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
-from typing import Literal, Self
+from typing import TYPE_CHECKING, Literal, Self
+
+if TYPE_CHECKING:
+    from servogen.answers import Message
 
 Severity = Literal["error", "warning", "note"]
 
@@ -89,13 +92,19 @@ class Diagnostic:
         """Return the location and the message only, for a report."""
         return ": ".join(part for part in (str(self.location or ""), self.message) if part)
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> Message:
         """Return the diagnostic as a value that JSON can hold."""
+        place = self.location or Location()
         return {
             "severity": self.severity,
             "code": self.code,
             "message": self.message,
-            **asdict(self.location or Location()),
+            "file": place.file,
+            "line": place.line,
+            "column": place.column,
+            "key": place.key,
+            "cycle": place.cycle,
+            "address": place.address,
             "hint": self.hint,
         }
 

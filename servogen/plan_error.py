@@ -7,6 +7,10 @@ compared with the schedule; `PlanError` is the distance from the schedule to the
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from servogen.answers import PlanErrorAnswer
 
 NO_PLAN = "no plan to compare with"
 """Describes a schedule that was written by hand or measured, of which no plan is known."""
@@ -38,7 +42,7 @@ class PlanError:
             parts.append(f"{self.end_mm:g} mm at the {self.end}")
         return ", ".join(parts)
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> PlanErrorAnswer:
         """Return the error as a value that JSON can hold."""
         return {
             "width_us": self.width_us,

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import groupby
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -36,6 +36,9 @@ from servogen.workflows.certificates import (
 from servogen.workflows.job_build import Build, hex_name, program_facts, write
 from servogen.workflows.job_build import build as built
 from servogen.workflows.pair import build_pair, write_pair
+
+if TYPE_CHECKING:
+    from servogen.answers import BuildAnswer
 
 SHOWN_FIRST = "hexapod-tripod"
 """The job that is proposed after a demo: the one that moves most."""
@@ -190,7 +193,7 @@ class _Demo:
         errors = [diagnostic for error in self.unread for diagnostic in error.diagnostics]
         return (*warnings, *self.refused, *errors)
 
-    def to_json(self) -> list[dict[str, object]]:
+    def to_json(self) -> list[BuildAnswer]:
         return [
             _build_to_json(result, self.output / result.job.name, verdicts)
             for _, result, verdicts in self.built
@@ -316,9 +319,10 @@ def _program_table(result: Build, theorems: Sequence[CertificateVerdict]) -> Non
     )
 
 
-def _build_to_json(result: Build, folder: Path, theorems: Sequence[CertificateVerdict]) -> dict[str, object]:
-    proven = {
+def _build_to_json(result: Build, folder: Path, theorems: Sequence[CertificateVerdict]) -> BuildAnswer:
+    return {
+        "folder": str(folder),
+        **result.to_json(),
         "proven": all(verdict.valid for verdict in theorems),
         "all_runs": [verdict.text for verdict in theorems],
     }
-    return {"folder": str(folder), **result.to_json(), **proven}

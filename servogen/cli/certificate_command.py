@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -10,7 +9,7 @@ import typer
 
 from servogen import checker
 from servogen.cli.options import Json
-from servogen.cli.schedule_proof import NOT_PROVEN, checked_lines
+from servogen.cli.schedule_proof import NOT_PROVEN, checked_lines, checked_to_json
 from servogen.cli.show import as_json, status
 from servogen.inputs import read_input
 from servogen.pic.image import read_hex
@@ -54,7 +53,7 @@ def check_certificate(
             print(f"{certificate}: {'refused' if covered else 'not covered'}: {refused}")
         raise typer.Exit(NOT_PROVEN) from None
     if json:
-        as_json({"valid": True, "held": claim.held} | asdict(checked))
+        as_json({"valid": True, "held": claim.held, **checked_to_json(checked)})
         return
     print(f"{certificate}: valid{''.join(f', with {text}' for text in checked.restrictions)}")
     print("\n".join(checked_lines(checked)))

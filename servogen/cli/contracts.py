@@ -6,6 +6,7 @@ import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from servogen.cli.chip_options import ChipOptions
 from servogen.cli.files import check_outputs, read_program
@@ -21,6 +22,9 @@ from servogen.simulator import load_stimuli
 from servogen.units import Clock, counted
 from servogen.workflows.contracts import contract_clock, judge_program, judge_recording
 from servogen.workflows.signals import is_program, refuse_chip_options
+
+if TYPE_CHECKING:
+    from servogen.answers import ContractProofAnswer
 
 EXTRA_CYCLES = 1000
 """Cycles that a counterexample is shown beyond its breach."""
@@ -156,7 +160,7 @@ def _replay(shown: Counterexample, request: ContractProofRequest, clock: Clock) 
     return shlex.join([*words, *shown.arguments(), *span])
 
 
-def _proof_json(proof: ContractProof, request: ContractProofRequest, clock: Clock) -> dict[str, object]:
+def _proof_json(proof: ContractProof, request: ContractProofRequest, clock: Clock) -> ContractProofAnswer:
     shown = proof.counterexample
     return {
         "file": str(request.file),
@@ -164,8 +168,9 @@ def _proof_json(proof: ContractProof, request: ContractProofRequest, clock: Cloc
         "proven": proof.proven,
         "checked": False,
         "reason": proof.reason or (BY_ONE_ENGINE if proof.proven else ""),
-        "counterexample": shown
-        and {
+        "counterexample": None
+        if shown is None
+        else {
             "message": shown.message,
             "cycle": shown.cycle,
             "command": _replay(shown, request, clock),

@@ -473,7 +473,7 @@ def differential(
     if json:
         as_json(answer)
         return
-    for title, key in (("T", "frame"), ("Δ", "delta"), ("dT = Δ T", "change")):
+    for title, key in (("T", "matrix"), ("Δ", "delta"), ("dT = Δ T", "change")):
         print(title)
         _print_matrix(answer[key])
     for title, key in (("fixed axes: ", "fixed"), ("axes of T:  ", "moving")):

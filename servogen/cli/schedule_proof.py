@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import shlex
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -30,6 +30,9 @@ from servogen.simulator.options import start_value
 from servogen.workflows import certificates
 from servogen.workflows.certificates import Witnessed
 from servogen.workflows.signals import device_for, program_for
+
+if TYPE_CHECKING:
+    from servogen.answers import CheckedAnswer, CounterexampleAnswer, ProofAnswer
 
 PROVEN, NOT_PROVEN = 0, 1
 """Exit codes; NOT_PROVEN also where something was found, not decided, or not covered by the checker."""
@@ -347,13 +350,14 @@ def _counterexample_lines(
 
 def _counterexample_to_json(
     counterexample: Counterexample, file: Path, claim: Claim, schedule: PulseSchedule
-) -> dict[str, object]:
+) -> CounterexampleAnswer:
+    content = counterexample.eeprom
     return {
         "message": counterexample.message,
         "cycle": counterexample.cycle,
         "command": _command(counterexample, file, claim, schedule),
         "stimulus": counterexample.stimulus(schedule.clock) or None,
-        "eeprom": counterexample.eeprom,
+        "eeprom": None if content is None else {str(cell): byte for cell, byte in content.items()},
     }
 
 
@@ -364,7 +368,7 @@ def _size(proof: Proof) -> str:
 
 def _proof_to_json(
     proof: Proof, witness: Witnessed | None, file: Path, claim: Claim, schedule: PulseSchedule
-) -> dict[str, object]:
+) -> ProofAnswer:
     counterexample = proof.counterexample
     answer = "counterexample" if counterexample else "not decided"
     if witness is not None:
@@ -376,7 +380,7 @@ def _proof_to_json(
         "states": proof.states,
         "runs": proof.runs,
         "cycles": proof.cycles,
-        "checked": asdict(witness.checked) if witness and witness.checked else None,
+        "checked": checked_to_json(witness.checked) if witness and witness.checked else None,
         "not_covered": witness.not_covered if witness else "",
         "assumptions": list(proof.assumptions),
         "counterexample": _counterexample_to_json(counterexample, file, claim, schedule)
@@ -391,3 +395,15 @@ def checked_lines(checked: Checked) -> list[str]:
         f"{checked.states} states, {checked.frames} frames, {checked.cycles} cycles, {checked.forks} splits"
     )
     return [*(f"  over {text}" for text in checked.over), f"  checked: {counts}"]
+
+
+def checked_to_json(checked: Checked) -> CheckedAnswer:
+    """Return the same as values of JSON."""
+    return {
+        "states": checked.states,
+        "frames": checked.frames,
+        "cycles": checked.cycles,
+        "forks": checked.forks,
+        "over": list(checked.over),
+        "restrictions": list(checked.restrictions),
+    }

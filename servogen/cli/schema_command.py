@@ -1,4 +1,4 @@
-"""`servogen schema`: the JSON schemas of the files that users write, for editors."""
+"""`servogen schema`: the JSON schemas of the files that users write, and of what commands print."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from typing import Annotated
 import typer
 
 from servogen.cli.options import Output
+from servogen.errors import InputError, did_you_mean
 from servogen.outputs import write_text
-from servogen.workflows.output_schema import output_schema
+from servogen.workflows.output_schema import OUTPUTS, output_schema
 from servogen.workflows.schemas import SCHEMAS
 
 
@@ -27,10 +28,21 @@ class FileKind(StrEnum):
 
 def schema(
     kind: Annotated[FileKind, typer.Argument(help="The kind of file, or output.", show_default=False)],
+    command: Annotated[
+        str | None,
+        typer.Argument(help="With output: the command (default: a definition for each).", show_default=False),
+    ] = None,
     output: Output = None,
 ) -> None:
-    """Print the JSON schema of a kind of file; editors complete and check with it. Or that of all outputs."""
-    made = output_schema() if kind is FileKind.output else SCHEMAS[kind]()
+    """Print the JSON schema of a kind of file, with which editors complete and check, or of what a command
+    prints with --json.
+    """
+    if command is not None and kind is not FileKind.output:
+        raise InputError("conflicting-options", f"a {kind} file is no command's: omit '{command}'")
+    if command is not None and command not in OUTPUTS:
+        hint = did_you_mean(command, OUTPUTS)
+        raise InputError("unknown-name", f"'{command}' is no command with --json", hint=hint)
+    made = output_schema(command) if kind is FileKind.output else SCHEMAS[kind]()
     text = json.dumps(made, indent=2) + "\n"
     if output is None:
         print(text, end="")

@@ -59,7 +59,7 @@ WARNINGS = frozenset(
 """The codes that a warning can have, which `unwanted` leaves out; some are also codes of errors."""
 
 
-WORDS_NEEDED = "words_needed"
+WORDS_NEEDED = "needed_words"
 """The key, among the details of the error, of the words that a program too large for flash needs."""
 
 

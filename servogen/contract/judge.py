@@ -8,11 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from servogen.contract.clauses import Clause
 from servogen.contract.observers import Broken, State
 from servogen.edges import HIGH, EdgeChunk, EdgeTrace
 from servogen.units import Clock, Cycles, counted
+
+if TYPE_CHECKING:
+    from servogen.answers import ClauseAnswer, ContractVerdictAnswer
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,16 +46,16 @@ class ClauseVerdict:
     def word(self) -> str:
         return "violated" if self.breaches else "kept" if self.seen else "not seen"
 
-    def to_json(self, clock: Clock) -> dict[str, object]:
+    def to_json(self, clock: Clock) -> ClauseAnswer:
         return {
             "clause": self.clause.text,
             "line": self.clause.place.line,
             "verdict": self.word,
             "seen": self.seen,
             "breaches": self.breaches,
-            "first_breach_cycle": self.first and self.first.cycle,
-            "first_breach_us": self.first and float(clock.us(self.first.cycle)),
-            "message": self.first and self.first.message,
+            "first_breach_cycle": None if self.first is None else self.first.cycle,
+            "first_breach_us": None if self.first is None else float(clock.us(self.first.cycle)),
+            "message": None if self.first is None else self.first.message,
         }
 
 
@@ -103,7 +107,7 @@ class ContractVerdict:
         for reason in self.unseen:
             yield f"  not judged: {reason}"
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> ContractVerdictAnswer:
         return {
             "verdict": "violated" if self.violated else "kept" if self.complete else "not seen",
             "exact": self.complete and not self.capture,

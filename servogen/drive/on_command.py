@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -33,6 +34,9 @@ from servogen.errors import InputError, did_you_mean
 from servogen.job import PlannedJob
 from servogen.pic.device import RAM_FIRST
 from servogen.pulses import PulseReader
+
+if TYPE_CHECKING:
+    from servogen.answers import CommandedFrameAnswer
 
 POLL_S = 0.01
 """The interval at which commands are polled: less than a frame."""
@@ -63,7 +67,7 @@ class CommandedFrame:
     widths_us: Mapping[str, float]
     """The latest complete pulse of each servo."""
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> CommandedFrameAnswer:
         """Return the state as a value that JSON can hold."""
         return {
             "s": round(self.seconds, 3),

@@ -13,7 +13,8 @@ disappears, the session waits for it; the motion pauses meanwhile, and then all 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from servogen.bench.ports import Unplugged
 from servogen.drive.commands import QUIT, CommandSource, NoCommands
@@ -23,6 +24,9 @@ from servogen.drive.serial_link import SerialLink, Time
 from servogen.engines.stream.protocol import MAX_VALUE, group_begins, group_goes, speed_command
 from servogen.errors import InputError, Location, ServogenError, ToolError
 from servogen.motion.trajectory import Floats
+
+if TYPE_CHECKING:
+    from servogen.answers import DriveAnswer
 
 Log = Callable[[dict[str, object]], None]
 
@@ -55,9 +59,19 @@ class Summary:
         """Return the mean number of poses per second while the robot moved."""
         return self.rounds / self.moving_s if self.moving_s > 0 else 0.0
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> DriveAnswer:
         """Return the summary as a value that JSON can hold."""
-        return {**asdict(self), "poses_per_second": self.poses_per_second}
+        return {
+            "seconds": self.seconds,
+            "moving_s": self.moving_s,
+            "commands": self.commands,
+            "rounds": self.rounds,
+            "slowest_s": self.slowest_s,
+            "outages": self.outages,
+            "away_s": self.away_s,
+            "stopped": self.stopped,
+            "poses_per_second": self.poses_per_second,
+        }
 
 
 @dataclass(slots=True)

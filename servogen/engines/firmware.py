@@ -10,6 +10,9 @@ from servogen.errors import Diagnostic, ServogenError
 from servogen.units import Cycles
 
 if TYPE_CHECKING:
+    from servogen.answers import RoomAnswer
+
+if TYPE_CHECKING:
     from servogen.compiler import Compilation  # planning a motion does not load the compiler
 
 
@@ -50,7 +53,7 @@ class TimingBudget:
         """Return the cycles to spare, negative if the C may be late; None if there is no bound."""
         return None if self.worst is None else self.room - self.worst
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> RoomAnswer:
         """Return the budget as a value that JSON can hold."""
         return {
             "between": self.between,

@@ -9,8 +9,12 @@ In: a script and the number of channels, whose trims are the first bytes of the 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from servogen.pic.device import EEPROM_BYTES
+
+if TYPE_CHECKING:
+    from servogen.answers import ScriptAnswer
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +44,7 @@ class Stored:
         beside = f"{len(self.flash)} bytes in flash, " if self.flash else ""
         return f"{beside}{len(self.eeprom)} bytes in the EEPROM, bytes {self.first} to {last}"
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> ScriptAnswer:
         """Return the places as a value that JSON can hold."""
         return {
             "flash_bytes": len(self.flash),

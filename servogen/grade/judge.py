@@ -11,6 +11,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, permutations, product
+from typing import TYPE_CHECKING
 
 from servogen.edges import PINS
 from servogen.errors import Diagnostic
@@ -39,6 +40,9 @@ from servogen.grade.film import Film
 from servogen.grade.lab import Check, Lab, Solution
 from servogen.grade.watch import PinPulses, Visit, Watched, visits, without_moves
 
+if TYPE_CHECKING:
+    from servogen.answers import GradeFacts, PositionAnswer
+
 
 @dataclass(frozen=True, slots=True)
 class Row:
@@ -57,15 +61,15 @@ class Row:
     pause_s: float | None
     """The pause that the task requires."""
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> PositionAnswer:
         return {
             "position": self.name,
             "visits": self.visits,
-            "widths_us": self.widths_us,
-            "angles_deg": self.angles_deg,
-            "periods_ms": self.periods_ms,
-            "stays_s": self.stays_s,
-            "silent_s": self.silent_s,
+            "widths_us": [*map(list, self.widths_us)],
+            "angles_deg": [*map(list, self.angles_deg)],
+            "periods_ms": self.periods_ms and list(self.periods_ms),
+            "stays_s": self.stays_s and list(self.stays_s),
+            "silent_s": self.silent_s and list(self.silent_s),
             "asked_pause_s": self.pause_s,
         }
 
@@ -113,7 +117,7 @@ class Grade:
         """Return the faults as text for students, on which nothing depends."""
         return tuple(fault.text for fault in self.faults)
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> GradeFacts:
         """Return the grade as plain values for JSON."""
         return {
             "lab": self.lab,

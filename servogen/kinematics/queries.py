@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from math import atan2, degrees, hypot, radians
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -62,8 +62,11 @@ from servogen.kinematics.transforms import (
 )
 from servogen.robot.model import Arm, Limb, Robot
 
+if TYPE_CHECKING:
+    from servogen.answers import EquationAnswer, MobilityAnswer, OrientationAnswer, RobotEntry
 
-def robot_list() -> list[Answer]:
+
+def robot_list() -> list[RobotEntry]:
     """Return the short name, title, kind and number of driven joints of every robot in the catalogue."""
     robots = ((name, catalogue.robot(name)) for name in catalogue.names())
     return [
@@ -273,7 +276,7 @@ def configuration_answer(name: str, vector: Sequence[float], everything: bool = 
     return _solutions_answer(arm, solutions, everything, free, float(missed), oriented=True)
 
 
-def mobility_answer(name: str) -> Answer:
+def mobility_answer(name: str) -> MobilityAnswer:
     """Return the elements, joints, mobility M and manoeuvrability M - 6 of a robot."""
     robot = catalogue.robot(name)
     return _mobility_facts(KINDS[robot.kind].mobility(robot))
@@ -284,7 +287,7 @@ MAX_JOINTS = 1000
 MAX_DIGITS = 6
 
 
-def mechanism_answer(elements: int, joints: Sequence[str], *, plane: bool = False) -> Answer:
+def mechanism_answer(elements: int, joints: Sequence[str], *, plane: bool = False) -> MobilityAnswer:
     """Return the same facts of a mechanism with `elements` elements, including the base, and joints given as
     "kind" or "kind:count".
     """
@@ -304,7 +307,7 @@ def mechanism_answer(elements: int, joints: Sequence[str], *, plane: bool = Fals
     return _mobility_facts(of_mechanism(elements, kinds, plane=plane))
 
 
-def _mobility_facts(mobility: Mobility) -> Answer:
+def _mobility_facts(mobility: Mobility) -> MobilityAnswer:
     return {
         "elements": mobility.elements,
         "joints": list(mobility.joints),
@@ -348,7 +351,7 @@ def differential_answer(
         small, turned = motion_of(frame @ differential(small, turned), frame)
     own_d, own_delta = seen_from(frame, small, turned)
     return {
-        "frame": _plain(frame),
+        "matrix": _plain(frame),
         "delta": _plain(differential(small, turned)),
         "change": _plain(change(frame, small, turned)),
         "fixed": {"translation": _plain(small), "rotation_rad": _plain(turned)},
@@ -356,7 +359,7 @@ def differential_answer(
     }
 
 
-def equation_answer(a: float, b: float, c: float) -> Answer:
+def equation_answer(a: float, b: float, c: float) -> EquationAnswer:
     """Return every x in (-180°, 180°] with a cos x + b sin x + c = 0, in ascending order.
 
     a cos x + b sin x is √(a² + b²) cos(x - atan2(b, a)): there are two where |c| < √(a² + b²), one where both
@@ -391,7 +394,7 @@ ORIENTATION_FORMS = {
 """The ways to give an orientation, and how many numbers each takes. RPY is another name of ZYX."""
 
 
-def orientation_answer(form: str, values: Sequence[float]) -> Answer:
+def orientation_answer(form: str, values: Sequence[float]) -> OrientationAnswer:
     """Return an orientation in every form: angles in degrees in all twelve orders, both solutions of the
     first two, axis and angle, the quaternion (scalar first), the matrix.
 

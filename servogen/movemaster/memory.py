@@ -16,9 +16,13 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
 from servogen.errors import InputError, Location
 from servogen.movemaster.language import WORD
+
+if TYPE_CHECKING:
+    from servogen.answers import ToolPoseAnswer
 
 OPEN, CLOSED = "O", "C"
 
@@ -46,7 +50,7 @@ class ToolPose:
         """Return the pose with all values multiplied by `factor`."""
         return ToolPose(*(factor * value for value in self.values))
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> ToolPoseAnswer:
         """Return the pose in metres and degrees."""
         position = [self.x / 1000, self.y / 1000, self.z / 1000]
         return {"position_m": position, "pitch_deg": self.p, "roll_deg": self.r}

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from servogen.movemaster.interpreter import CommandStep, Controller
 from servogen.movemaster.memory import CLOSED, InputPort, Output, PortInput, StoredPosition
 from servogen.movemaster.parser import ParsedProgram, ProgramLine
 from servogen.units import Clock, Cycles
+
+if TYPE_CHECKING:
+    from servogen.answers import ProgramRunAnswer
 
 SAME = 1e-9
 """Joint positions (radians, metres) this near are the same."""
@@ -47,7 +51,7 @@ class ProgramRun:
         """Return how long a number of frames lasts."""
         return float(self.trajectory.clock.seconds(frames * self.trajectory.period))
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> ProgramRunAnswer:
         """Return the motion in metres, degrees and seconds, without its joints and the warnings."""
         return {
             "period_s": self.seconds(1),

@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +21,9 @@ from servogen.motion.trajectory import Floats
 from servogen.plan_error import DECIMALS, PlanError
 from servogen.robot.servo import Servo
 from servogen.units import Clock, Cycles
+
+if TYPE_CHECKING:
+    from servogen.answers import WidthAnswer
 
 NO_PULSE = 0
 """The width, in the arrays of this package, of a frame without a pulse."""
@@ -48,16 +52,16 @@ class Quantised:
         """Return the achieved width minus the requested one, in µs."""
         return self.achieved_us - self.requested_us
 
-    def to_json(self) -> dict[str, object]:
-        return {
+    def to_json(self) -> WidthAnswer:
+        row: WidthAnswer = {
             "servo": self.channel,
-            **({"pulse": self.which} if self.which else {}),
             "requested_us": float(self.requested_us),
             "cycles": self.cycles,
             "achieved_us": float(self.achieved_us),
             "error_us": float(self.error_us),
             "frames": self.frames,
         }
+        return {**row, "pulse": self.which} if self.which else row
 
 
 def quantise(

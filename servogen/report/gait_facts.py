@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +16,9 @@ from servogen.motion.gait.phases import Gait
 from servogen.motion.gait.walk import Walk
 from servogen.motion.loads import Loads
 from servogen.report.sticks import leg_sticks
+
+if TYPE_CHECKING:
+    from servogen.answers import GaitAnswer, JointRange
 
 COLUMNS = 12
 """About how many columns a diagram has; if possible, every lift and landing falls on one."""
@@ -33,7 +37,7 @@ class JointFacts:
     limits: tuple[float, float]
     speed: float
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> JointRange:
         return {
             "name": self.name,
             "minimum_deg": math.degrees(self.minimum),
@@ -120,7 +124,7 @@ def diagram(gait: Gait) -> dict[str, str]:
 
 def walk_to_json(
     robot: WalkingRobot, rhythm: Gait, planned: Walk, facts: GaitFacts, loads: Loads | None
-) -> dict[str, object]:
+) -> GaitAnswer:
     """Return the walk; the units are in the names."""
     worst, slip = loads.worst if loads else None, planned.slip
     return {

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +30,9 @@ from servogen.report.tracks import (
     standing_feet,
 )
 from servogen.robot.servo import Servo
+
+if TYPE_CHECKING:
+    from servogen.answers import EndAnswer, PlanFactsAnswer, ServoFactsAnswer, WayAnswer
 
 Ints = npt.NDArray[np.int64]
 
@@ -59,7 +63,7 @@ class ServoFacts:
             return None
         return self.step / self.servo.model.speed
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> ServoFactsAnswer:
         servo = self.servo
         return {
             "name": servo.name,
@@ -175,7 +179,7 @@ class PlanFacts:
         track = next(track for track in self.tracks if track.name == end.name)
         return np.nanmin(track.planned, axis=0).tolist(), np.nanmax(track.planned, axis=0).tolist()
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> PlanFactsAnswer:
         schedule = self.plan.schedule
         return {
             "job": self.job.name,
@@ -192,21 +196,20 @@ class PlanFacts:
             "rigid_legs_end": self._rigid_legs_end(),
         }
 
-    def _rigid_legs_end(self) -> dict[str, float] | None:
+    def _rigid_legs_end(self) -> WayAnswer | None:
         if self.rigid_legs_end is None:
             return None
         forward, left, turn = self.rigid_legs_end
         return {"forward_m": forward, "left_m": left, "turn_deg": math.degrees(turn)}
 
-    def _end(self, end: EndError) -> dict[str, object]:
+    def _end(self, end: EndError) -> EndAnswer:
         minimum, maximum = self.extent(end)
-        error = {**end.to_json(), "time_s": self.seconds(end.frame)}
         return {
             "name": end.name,
             "kind": end.kind,
             "minimum_m": minimum,
             "maximum_m": maximum,
-            "error": error,
+            "error": {**end.to_json(), "time_s": self.seconds(end.frame)},
         }
 
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -28,6 +28,9 @@ from servogen.motion.drive import positions
 from servogen.motion.trajectory import Floats
 from servogen.pulse import PulseSchedule
 from servogen.robot.servo import Servo
+
+if TYPE_CHECKING:
+    from servogen.answers import EndErrorAnswer
 
 ERROR_COLUMNS = ("end", "worst_mm", "rms_mm", "frame", "time_s", "jacobian_worst_mm", "jacobian_rms_mm")
 
@@ -135,7 +138,7 @@ class EndError:
     first_order_worst_m: float
     first_order_rms_m: float
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> EndErrorAnswer:
         """Return the error without the name of the end."""
         return {
             "worst_m": self.worst_m,

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from servogen.pic.isa import Decoded, decode
 from servogen.pic.listing import Listing, ListingRow
 from servogen.simulator.machine import Machine, Observation
 from servogen.units import Cycles
+
+if TYPE_CHECKING:
+    from servogen.answers import ProfileAnswer
 
 ROWS = 1 << 14
 FLAGS = "CDZPT"
@@ -120,7 +124,7 @@ class Profile:
         total = len(self.words) + len(self.unexecuted)
         return len(self.words) / total if total else 1.0
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> ProfileAnswer:
         return {
             "cycles": self.cycles,
             "idle_cycles": self.idle,

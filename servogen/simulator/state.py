@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +15,9 @@ from servogen.pic.device import EEPROM_BYTES, RAM_BYTES, RAM_FIRST, RAM_LAST, ST
 from servogen.simulator import layout as at
 from servogen.simulator.warnings import subjects
 from servogen.units import Cycles
+
+if TYPE_CHECKING:
+    from servogen.answers import StateAnswer
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +63,7 @@ class MachineState:
         """Return the number of RAM bytes ever written."""
         return len(self.ram_written)
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> StateAnswer:
         """Return the state without the warnings."""
         return {
             "cycles": self.cycles,

@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +19,9 @@ from servogen.twin.bodies import BODY_HEIGHT_M
 from servogen.twin.planned import PlannedRoute
 from servogen.twin.run import SAMPLE_S, Record
 from servogen.units import counted
+
+if TYPE_CHECKING:
+    from servogen.answers import TwinEvent
 
 SATURATED_S = 0.06
 """The time with full voltage and no motion after which a servo has reached its limit: three pulses."""
@@ -54,7 +58,7 @@ class Event:
     kind: EventKind
     text: str
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> TwinEvent:
         """Return plain values for a JSON file."""
         return {"seconds": self.seconds, "kind": self.kind.name.lower(), "text": self.text}
 

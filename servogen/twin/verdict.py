@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +20,9 @@ from servogen.robot.arm_file import MAX_MM
 from servogen.twin.causes import Event, brown_out, events_of, fallen_at
 from servogen.twin.planned import PlannedRoute
 from servogen.twin.run import ROUNDING_S, SAMPLE_S, Record
+
+if TYPE_CHECKING:
+    from servogen.answers import TwinVerdictAnswer, WayAnswer
 
 Floats = npt.NDArray[np.float64]
 
@@ -53,8 +56,8 @@ class ExpectationCheck:
     passed: bool
     seconds: float | None = None
 
-    def to_json(self) -> dict[str, object]:
-        """Return plain values for a JSON file; the unit is in the names."""
+    def to_json(self) -> Any:
+        """Return a `TwinCheckAnswer`, whose names end with the unit of this check."""
         unit = IN_NAMES.get(self.unit.split()[0], "count")
         return {
             "name": self.name,
@@ -129,7 +132,7 @@ class TwinVerdict:
             return [*failures, f"first cause: {self.cause.text}"]
         return [*failures, *(f"the plan warned: {warning.message}" for warning in self.warnings)]
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> TwinVerdictAnswer:
         """Return plain values for a JSON file: metres, degrees, seconds, N·m, A, V."""
         record = self.record
         rigid = self.planned.rigid
@@ -161,7 +164,7 @@ class TwinVerdict:
         }
 
 
-def _way(way: Sequence[float]) -> dict[str, float]:
+def _way(way: Sequence[float]) -> WayAnswer:
     """Return a way of the body, in metres and radians, with the units in the names."""
     forward, left, turn = way
     return {"forward_m": forward, "left_m": left, "turn_deg": math.degrees(turn)}

@@ -13,11 +13,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from servogen.edges import Expected
 from servogen.verify.windows import Edges, Ints
+
+if TYPE_CHECKING:
+    from servogen.answers import CoverageAnswer
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +51,7 @@ class Coverage:
         total = len(self.different)
         return f"{len(self.seen)} of {total} different frame{'' if total == 1 else 's'}"
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> CoverageAnswer:
         return {
             "different_frames": len(self.different),
             "different_frames_seen": len(self.seen),

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +23,9 @@ from servogen.units import Clock, Cycles, counted
 from servogen.verify.pulses import OverlapCount
 from servogen.verify.verdict import Overlap
 from servogen.verify.windows import Edges, Ints, Windows, observed_edges
+
+if TYPE_CHECKING:
+    from servogen.answers import FrameKindAnswer, MeasureAnswer, PauseAnswer, PinAnswer, PulseRunAnswer
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +38,7 @@ class PulseRun:
     shortest_period: Cycles | None
     longest_period: Cycles | None
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> PulseRunAnswer:
         return {
             "first_cycle": self.first,
             "pulses": self.pulses,
@@ -52,7 +56,7 @@ class FrameKind:
     frames: int
     period: Cycles
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> FrameKindAnswer:
         return {"width_cycles": self.width, "frames": self.frames, "period_cycles": self.period}
 
 
@@ -65,7 +69,7 @@ class Pause:
     count: int = 1
     """The number of consecutive pauses of this length, with a pulse between each two."""
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> PauseAnswer:
         return {"begin_cycle": self.begin, "length_cycles": self.length, "count": self.count}
 
 
@@ -100,7 +104,7 @@ class PinMeasurement:
         """Return one width per pulse, as needed for a check of the motion."""
         return [run.width for run in self.runs for _ in range(run.pulses)]
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> PinAnswer:
         return {
             "pin": PINS[self.pin],
             "pulses": self.pulses,
@@ -134,7 +138,7 @@ class Measurement:
     def us(self, cycles: int) -> Fraction:
         return self.clock.us(cycles)
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> MeasureAnswer:
         """Return plain values for a JSON file."""
         return {
             "clock_hz": self.clock.hz,

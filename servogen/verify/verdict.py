@@ -9,13 +9,24 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from servogen.edges import HIGH, PINS, Expected
 from servogen.errors import Diagnostic
 from servogen.plan_error import PlanError, plan_text
 from servogen.units import Clock, Cycles, counted
 from servogen.verify.coverage import Coverage
+
+if TYPE_CHECKING:
+    from servogen.answers import (
+        ChannelAnswer,
+        DifferenceAnswer,
+        OverlapAnswer,
+        SpanAnswer,
+        StrayPinAnswer,
+        VerdictAnswer,
+        WorstAnswer,
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +48,7 @@ class ComparedSpan:
     def whole(self) -> bool:
         return self.compared >= self.asked
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> SpanAnswer:
         return {
             "asked_cycles": self.asked,
             "compared_cycles": self.compared,
@@ -56,7 +67,7 @@ class Worst:
     frame: int | None = None
     cycle: Cycles | None = None
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> WorstAnswer:
         return {"error_cycles": self.error, "count": self.count, "frame": self.frame, "cycle": self.cycle}
 
 
@@ -76,7 +87,7 @@ class ChannelVerdict:
     """The time from rise to rise, compared with the schedule's."""
     edge: Worst = Worst()
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> ChannelAnswer:
         return {
             "name": self.name,
             "pin": PINS[self.pin],
@@ -109,7 +120,7 @@ class Difference:
         """Return the cycle since reset at which the two first differ."""
         return min(cycle for cycle in (self.expected, self.observed) if cycle is not None)
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> DifferenceAnswer:
         return {
             "cycle": self.cycle,
             "pin": PINS[self.pin],
@@ -130,7 +141,7 @@ class Overlap:
     first: Cycles
     pins: tuple[int, ...]
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> OverlapAnswer:
         return {
             "count": self.count,
             "longest_cycles": self.longest,
@@ -147,7 +158,7 @@ class StrayPin:
     edges: int
     first: Cycles
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> StrayPinAnswer:
         return {"pin": PINS[self.pin], "edges": self.edges, "first_cycle": self.first}
 
 
@@ -252,7 +263,7 @@ class Verdict(Judgement):
         """Return the absolute value of the largest edge error of any channel, in cycles."""
         return max((abs(channel.edge.error) for channel in self.channels), default=0)
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> VerdictAnswer:
         """Return plain values for a JSON file."""
         return {
             "exact": self.passed,

@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,6 +30,9 @@ from servogen.robot.servo import Servo
 from servogen.toml.locations import Key
 from servogen.units import counted
 from servogen.workflows.engines import PlayedJob, planned
+
+if TYPE_CHECKING:
+    from servogen.answers import AdviceAnswer, ShortestFrame, UseAnswer
 
 CODES = ("frame-too-short", "does-not-fit", "beyond-max-error", "widths-too-far-apart")
 """The codes of errors for which changes are tried."""
@@ -75,7 +79,7 @@ class ResourceUse:
     def text(self) -> str:
         return f"{self.data} bytes of motion, {self.words} words, {self.error_us:g} µs"
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> UseAnswer:
         """Return the resources as a value that JSON can hold."""
         return {"motion_bytes": self.data, "words": self.words, "error_us": self.error_us}
 
@@ -143,9 +147,10 @@ class Advice:
         whole = f"{float(us(demand.minimum)):g} of {float(self.job.frame.period.achieved_us):g} µs"
         return f"{', '.join(slots)}, the C for the next frame {float(us(demand.frame_c)):g}: {whole}"
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> AdviceAnswer:
         """Return the advice as a value that JSON can hold."""
-        job, frame = self.job, None
+        job = self.job
+        frame: ShortestFrame | None = None
         if self.shares is not None and self.frame_is_short:
             demand = _demand(job, self.shares)
             frame = {

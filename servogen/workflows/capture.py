@@ -13,6 +13,7 @@ from fractions import Fraction
 from functools import partial
 from math import ceil
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from servogen.bench.analysers.memory import (
     MIN_EDGES,
@@ -49,6 +50,9 @@ from servogen.pulse import PulseSchedule, Run
 from servogen.pulse.expected import expected
 from servogen.traces.sigrok import read_session
 from servogen.verify import Sampling, Tolerances
+
+if TYPE_CHECKING:
+    from servogen.answers import CaptureAnswer, SigrokAnswer
 
 RATE = 1_000_000
 SECONDS = 1.0
@@ -115,7 +119,7 @@ class Captured:
         """Return the captured time, without the gaps between captures."""
         return sum(record.end for record in self.seen.records) / float(self.plan.rate)
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> CaptureAnswer:
         return {
             "file": str(self.path),
             "analyser": self.analyser.name,
@@ -154,7 +158,7 @@ class SigrokCaptured:
             f"{self.seconds:.3g} of {self.wanted_s:.3g} s"
         )
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> SigrokAnswer:
         return {
             "file": str(self.path),
             "analyser": self.look.driver,

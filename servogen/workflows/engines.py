@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from servogen.engines.firmware import Firmware, ResourceError
 from servogen.engines.registry import engine_named, suitable
@@ -18,6 +19,9 @@ from servogen.pulse import PulseSchedule
 from servogen.pulse.plan import PulsePlan
 from servogen.pulse.plan import plan as nearest
 from servogen.report.tracks import end_errors, end_tracks, largest_error
+
+if TYPE_CHECKING:
+    from servogen.answers import CheckAnswer
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,7 +36,7 @@ class PlayedJob:
     tour: tuple[JointTrajectory, PulseSchedule] | None = None
     """All frames that the program can play, if the plan has only some of them."""
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> CheckAnswer:
         """Return the plan without notes and warnings."""
         job, schedule = self.job, self.plan.schedule
         return {

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from servogen.job import Job, PlannedJob, plan_job
 from servogen.job.reader import changed
 from servogen.toml.edit import set_in_table
 from servogen.toml.locations import Key
+
+if TYPE_CHECKING:
+    from servogen.answers import HornAnswer
 
 MIN_TURN_DEG = 0.5
 """A horn that would turn by less is left where it is."""
@@ -53,7 +57,7 @@ class Horn:
         """
         return (self.whole[1] - self.whole[0] - self.used[1] + self.used[0]) / 2
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> HornAnswer:
         return {
             "servo": self.servo,
             "used_deg": [math.degrees(end) for end in self.used],

@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -40,6 +41,9 @@ from servogen.toml.edit import set_in_table
 from servogen.toml.file import parse
 from servogen.units import counted
 from servogen.workflows.engines import PlayedJob, planned
+
+if TYPE_CHECKING:
+    from servogen.answers import DeviationPlace, EndDeviation, ServoDeviation
 
 LAWS = {"quintic": "quintic", "trapezoid": "trapezoid", "straight": "linear"}
 """The player's laws that a job may name, and their names there."""
@@ -321,9 +325,9 @@ class Deviation:
     width_us: float = 0.0
     distance_m: float | None = None
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> ServoDeviation | EndDeviation:
         """Return the difference as a value that JSON can hold."""
-        place = {
+        place: DeviationPlace = {
             "time_s": self.time_s,
             "file": self.place.file,
             "line": self.place.line,

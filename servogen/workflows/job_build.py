@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from servogen.edges import EdgeTrace
 from servogen.engines.board import inputs_of, machine_of
@@ -34,6 +35,9 @@ from servogen.verify import Verdict
 from servogen.workflows.advice import advised
 from servogen.workflows.engines import planned
 from servogen.workflows.verification import LOOPS_CHECKED, checked_cycles, judge_run
+
+if TYPE_CHECKING:
+    from servogen.answers import BuildFactsAnswer, ProgramAnswer
 
 TAPE_HEX = "tape.hex"
 """The content of a tape in the form that programmers read."""
@@ -72,7 +76,7 @@ class BuiltProgram:
     def image(self) -> Image:
         return self.firmware.compilation.image
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> ProgramAnswer:
         compilation = self.firmware.compilation
         return {
             "dialect": self.firmware.dialect,
@@ -128,7 +132,7 @@ class Build:
         schedule = self.plan.schedule
         return schedule.lead_in_frames + LOOPS_CHECKED * schedule.loop_frames
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> BuildFactsAnswer:
         """Return the result without the warnings."""
         error = self.plan.schedule.plan_error
         return {

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -34,6 +35,9 @@ from servogen.verify import Verdict, verdict_lines
 from servogen.workflows.engines import PlayedJob, planned
 from servogen.workflows.job_build import Build, build_alone, write
 from servogen.workflows.verification import checked_cycles, judge_edges, running
+
+if TYPE_CHECKING:
+    from servogen.answers import PairBuildFacts, PairVerdictAnswer
 
 ONE_RUN = "This is one run of each pair. What holds for every power-up and wire is not decided."
 
@@ -71,7 +75,7 @@ class PairVerdict:
         ]
         return [self.summary(), *parts]
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> PairVerdictAnswer:
         return {
             "exact": self.exact,
             "apart_cycles": self.apart,
@@ -104,7 +108,7 @@ class PairBuild:
             rows.append(f"{name}: words: {words}; {plan_text(build.plan.schedule.plan_error)}")
         return rows
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> PairBuildFacts:
         return {
             "job": self.job.name,
             "exact": self.exact,

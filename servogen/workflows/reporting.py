@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from servogen.edges import EdgeTrace
 from servogen.engines.firmware import ResourceError
@@ -30,6 +31,9 @@ from servogen.workflows.job_build import Build, Progress, build, hex_name, progr
 from servogen.workflows.twinning import twin_of_build
 from servogen.workflows.verification import hidden_by, judge_capture, judge_file, motion_cycles
 
+if TYPE_CHECKING:
+    from servogen.answers import ReportFactsAnswer
+
 
 @dataclass(frozen=True, slots=True)
 class ReportPage:
@@ -42,13 +46,13 @@ class ReportPage:
     capture: CaptureVerdict | None = None
     twin: TwinVerdict | None = None
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> ReportFactsAnswer:
         """Return the verdicts, without the page itself."""
         return {
             "exact": self.programs_exact,
             "plan_error": self.plan_error.to_json() if self.plan_error else None,
-            **({} if self.capture is None else {"capture": self.capture.to_json()}),
-            **({} if self.twin is None else {"twin": self.twin.to_json()}),
+            "capture": self.capture.to_json() if self.capture else None,
+            "twin": self.twin.to_json() if self.twin else None,
         }
 
 

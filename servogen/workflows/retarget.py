@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -32,6 +33,9 @@ from servogen.verify import Verdict
 from servogen.workflows.engines import planned
 from servogen.workflows.verification import checked_cycles, judge_image, motion_cycles, running
 
+if TYPE_CHECKING:
+    from servogen.answers import AddedAnswer, TunedAnswer
+
 
 @dataclass(frozen=True, slots=True)
 class Added:
@@ -41,7 +45,7 @@ class Added:
     theirs: int
     ours: int
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> AddedAnswer:
         return {"path": self.path, "their_cycles": self.theirs, "servogen_cycles": self.ours}
 
 
@@ -53,7 +57,7 @@ class Tuned:
     added: tuple[Added, ...]
     source: str
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> TunedAnswer:
         """Return the result without the C to compile next."""
         return {
             "exact": self.verdict.passed,

@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import lcm
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -43,6 +44,9 @@ from servogen.verify import (
     whole_motion,
 )
 from servogen.verify.verdict import unseen_motion_reason
+
+if TYPE_CHECKING:
+    from servogen.answers import ForeverFacts
 
 LOOPS_CHECKED = 3
 """The number of loops that are checked: the whole motion and two repetitions."""
@@ -334,7 +338,7 @@ class Forever:
             why = "the edges are not the schedule's"
         return f"NOT exact for all time from this start: {why}; {plan_text(self.verdict.plan_error)}"
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> ForeverFacts:
         return {
             "exact_for_all_time": self.passed,
             "reason": self.reason,

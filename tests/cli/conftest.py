@@ -5,6 +5,7 @@ import json
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import jsonschema
@@ -16,7 +17,12 @@ from servogen.workflows.job_build import build, write
 from servogen.workflows.output_schema import output_schema
 
 ROOT = Path(__file__).parents[2]
-OUTPUTS = jsonschema.Draft7Validator(output_schema())
+
+
+@cache
+def output_validator(command: str) -> jsonschema.Draft7Validator:
+    """The schema of what a command prints."""
+    return jsonschema.Draft7Validator(output_schema(command))
 
 
 @dataclass(frozen=True)
@@ -59,15 +65,19 @@ def rows_of(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def wrong(printed: str) -> list[str]:
-    """Where what was printed, a line each, is not what the schema says."""
+def wrong(command: str, printed: str) -> list[str]:
+    """Where what a command printed, a line each, is not what its schema says."""
     lines = [json.loads(line) for line in printed.splitlines()]
     assert lines
-    return [_deepest(error) for line in lines for error in OUTPUTS.iter_errors(line)]
+    return [_deepest(error) for line in lines for error in output_validator(command).iter_errors(line)]
 
 
 def _deepest(error: jsonschema.ValidationError) -> str:
-    inner = max(error.context or (), key=lambda each: len(each.absolute_path), default=None)
-    if inner is not None and len(inner.absolute_path) > len(error.absolute_path):
-        return _deepest(inner)
-    return f"{'.'.join(map(str, error.absolute_path))}: {str(error.instance)[:60]}"
+    """The error of the alternative that is nearest: with the fewest errors, then farthest inside."""
+    alternatives: dict[object, list[jsonschema.ValidationError]] = {}
+    for each in error.context or ():
+        alternatives.setdefault(each.schema_path[0], []).append(each)
+    if alternatives:
+        nearest = min(alternatives.values(), key=lambda errors: (len(errors), -len(errors[0].absolute_path)))
+        return _deepest(nearest[0])
+    return f"{'.'.join(map(str, error.absolute_path))}: {error.message[:200]}"

@@ -78,7 +78,7 @@ def test_flash_says_how_the_chip_was_checked(
     assert after == "next: servogen capture --port PORT -o capture.vcd"
     assert "forced False" in ran.err
     shown = json.loads(run("flash", "a.hex", "--json", "--force").out)
-    assert wrong(json.dumps(shown)) == []
+    assert wrong("flash", json.dumps(shown)) == []
     assert [each["message"] for each in shown.pop("diagnostics")] == ["forced True"]
     assert shown == {"programmer": "prog", "words": 123, "compared": list(compared)}
 

@@ -92,6 +92,7 @@ OPTIONS: dict[str, tuple[object, float | None, float | None]] = {
     "flash --timeout": (120.0, 1, None),
     "gait --cycles": (None, 0, 10_000),
     "grade --timeout": (120.0, 0.1, None),
+    "flash --chip": (None, 1, 2),
     "grade --port": (0, 0, 65_535),
     "prove --watchdog-us": (None, None, None),  # any
     "rig --memory": (24_576, 16, None),  # the Openbench Logic Sniffer's 24 KiB

@@ -18,7 +18,8 @@ def test_a_page_is_written(run: Run, tmp_path: Path) -> None:
     assert ran.code == 0
     page = json.loads(ran.out)
     assert page.pop("plan_error")["width_us"] == 0.433  # as report.txt of the same job says
-    assert page == {"file": str(tmp_path / "page.html"), "exact": True, "diagnostics": []}
+    not_asked = {"capture": None, "twin": None}
+    assert page == {"file": str(tmp_path / "page.html"), "exact": True, "diagnostics": [], **not_asked}
     html = (tmp_path / "page.html").read_text()
     assert html.startswith("<!DOCTYPE html>")
     assert "Path</h2>" in html  # the foot's

@@ -311,7 +311,7 @@ def test_differential_prints_three_matrices_and_both_motions(run: Run, answer: A
         return {"translation": [scale, 0, 0], "rotation_rad": [0, 0, -scale]}
 
     value = {
-        "frame": UNIT[:1],
+        "matrix": UNIT[:1],
         "delta": UNIT[1:2],
         "change": UNIT[2:],
         "fixed": motion(0.5),

@@ -331,7 +331,7 @@ def test_statics_refuses_what_it_cannot_answer(ask, message: str) -> None:
 def test_a_small_motion_seen_from_the_frame() -> None:
     # T has n = y, o = z, a = x and p = (10, 5, 0): δ × p + d = (0, 0, -1) + (1, 0, 0.5)
     answer = q.differential_answer("Trans(10,5,0) Rz(90) Rx(90)", (1, 0, 0.5), (0, 0.1, 0))
-    assert answer["frame"] == [[0, 0, 1, 10], [1, 0, 0, 5], [0, 1, 0, 0], [0, 0, 0, 1]]
+    assert answer["matrix"] == [[0, 0, 1, 10], [1, 0, 0, 5], [0, 1, 0, 0], [0, 0, 0, 1]]
     assert answer["moving"]["translation"] == pytest.approx([0, -0.5, 1])
     assert answer["moving"]["rotation_rad"] == pytest.approx([0.1, 0, 0])
     np.testing.assert_allclose(

@@ -528,7 +528,7 @@ def test_the_json_has_every_number_under_its_name() -> None:
         "sample_us": 0.5,
         "duration_us": 2.5e6,
         "crystal_ppm": 100.0,
-        "crystal_ppm_error": 2.0,
+        "crystal_error_ppm": 2.0,
         "first_frame": 3,
         "frames": 12,
         **RIGHT.coverage.to_json(),
@@ -539,7 +539,7 @@ def test_the_json_has_every_number_under_its_name() -> None:
                 "first_frame": 3,
                 "frames": 4,
                 "crystal_ppm": 5.0,
-                "crystal_ppm_error": 6.0,
+                "crystal_error_ppm": 6.0,
             }
         ],
         "channels": [

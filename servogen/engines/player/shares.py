@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import accumulate
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +25,9 @@ from servogen.motion.trajectory import Floats, Part
 from servogen.pulse.slots import Frame
 from servogen.robot.servo import Servo
 from servogen.units import Clock, Cycles
+
+if TYPE_CHECKING:
+    from servogen.answers import ShareAnswer
 
 TIMING_BYTES = 3
 """The bytes of a timing: its frames and its speed."""
@@ -47,7 +51,7 @@ class Share:
         """Return all bytes of the part."""
         return self.rows + self.script + self.timings + self.laws
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> ShareAnswer:
         """Return the share as a value that JSON can hold."""
         return {
             "part": self.name,

@@ -45,9 +45,7 @@ def azimuth(y: Floats, x: Floats, home: float) -> Floats:
     return np.where(np.hypot(x, y) < ON_AXIS, home, np.arctan2(y, x))
 
 
-def cosine_sine_sum(
-    a: Floats | float, b: Floats | float, c: Floats | float
-) -> tuple[Floats | float, Floats | float]:
+def cosine_sine_sum(a: Floats | float, b: Floats | float, c: Floats | float) -> tuple[Floats, Floats]:
     """Return both x with a cos x + b sin x = c: atan2(b, a) ± acos(c / √(a² + b²)).
 
     If |c| > √(a² + b²) or a = b = 0 they are candidates that are not solutions; `checked_forms` refuses them.

@@ -10,6 +10,7 @@ from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 from servogen.errors import InputError, did_you_mean
 from servogen.pic.analysis.paths import Paths, PinWrite, explore, pin_text, place_text
@@ -19,6 +20,9 @@ from servogen.pic.image import Image
 from servogen.pic.isa import decode
 from servogen.pic.listing import Listing
 from servogen.units import Clock, counted
+
+if TYPE_CHECKING:
+    from servogen.answers import FindingAnswer
 
 (PSA,) = masks("PSA")
 EVERYTHING = (
@@ -49,7 +53,7 @@ class Finding:
         place = f"0x{self.address:03X}" if self.source is None else f"0x{self.address:03X} ({self.source})"
         return f"{place}: {self.text}"
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> FindingAnswer:
         return {"address": self.address, "source": self.source, "text": self.text}
 
 

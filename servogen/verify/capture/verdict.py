@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from servogen.edges import PINS
 from servogen.errors import Diagnostic
@@ -18,6 +18,15 @@ from servogen.units import counted
 from servogen.verify.capture.alignment import FittedLine, WholeFrames
 from servogen.verify.coverage import Coverage
 from servogen.verify.verdict import Judgement, StrayPin, unseen_reason
+
+if TYPE_CHECKING:
+    from servogen.answers import (
+        CapturedChannelAnswer,
+        CaptureVerdictAnswer,
+        MismatchAnswer,
+        PieceAnswer,
+        SpreadAnswer,
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +60,7 @@ class Spread:
     mean_us: float = 0.0
     wrong: int = 0
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> SpreadAnswer:
         return {"worst_us": self.worst_us, "mean_us": self.mean_us, "not_allowed": self.wrong}
 
 
@@ -73,7 +82,7 @@ class CapturedChannel:
     mean_period_us: float | None = None
     jitter_us: float = 0.0
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> CapturedChannelAnswer:
         return {
             "name": self.name,
             "pin": PINS[self.pin],
@@ -101,7 +110,7 @@ class Mismatch:
     frame: int | None
     diagnostic: Diagnostic
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> MismatchAnswer:
         return {
             "time_us": self.time_us,
             "pin": PINS[self.pin],
@@ -125,14 +134,14 @@ class CapturePiece:
     ppm_error: float | None
     paired: int
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> PieceAnswer:
         return {
             "begin_us": self.begin_us,
             "duration_us": self.duration_us,
             "first_frame": self.first_frame,
             "frames": self.frames,
             "crystal_ppm": self.ppm,
-            "crystal_ppm_error": self.ppm_error,
+            "crystal_error_ppm": self.ppm_error,
         }
 
 
@@ -183,7 +192,7 @@ class CaptureVerdict(Judgement):
         """Return the same verdict, not passed because of `reason`, which comes first."""
         return replace(self, passed=False, reasons=(reason, *self.reasons))
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> CaptureVerdictAnswer:
         """Return plain values for a JSON file."""
         allowed = self.tolerances
         return {
@@ -200,7 +209,7 @@ class CaptureVerdict(Judgement):
             "sample_us": self.sample_us,
             "duration_us": self.duration_us,
             "crystal_ppm": self.ppm,
-            "crystal_ppm_error": self.ppm_error,
+            "crystal_error_ppm": self.ppm_error,
             "first_frame": self.first_frame,
             "frames": self.frames,
             **self.coverage.to_json(),
