@@ -17,7 +17,7 @@ import gc
 import json
 import secrets
 import time
-from collections.abc import Callable, Coroutine, Iterator, Mapping
+from collections.abc import Awaitable, Callable, Coroutine, Iterator, Mapping
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field
 from http import HTTPStatus
@@ -381,11 +381,15 @@ class WatchServer:
             with suppress(TimeoutError):  # a browser keeps connections open on which it never asks
                 await asyncio.wait_for(server.wait_closed(), CLOSING_S)
 
-    async def _ticking(self) -> None:
-        last = time.monotonic()
+    async def _ticking(
+        self,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], Awaitable[None]] = asyncio.sleep,
+    ) -> None:
+        last = clock()
         while True:
-            await asyncio.sleep(1 / PICTURES_PER_S)
-            now = time.monotonic()
+            await sleep(1 / PICTURES_PER_S)
+            now = clock()
             elapsed, last = now - last, now
             for room in self._rooms.values():
                 room.tick(elapsed)

@@ -23,6 +23,7 @@ from servogen.watch.session import MAX_EDGES, LatestPulses, WatchSession
 from servogen.watch.subject import Subject
 from tests.edges.rows import Row, chunk, rows_of
 from tests.simulator.helpers import image
+from tests.watch.test_session import answer
 
 MHZ4 = Clock(4_000_000)
 RB0, RB1 = PINS.index("RB0"), PINS.index("RB1")
@@ -76,10 +77,6 @@ def test_steps_lead_to_just_after_each_edge_and_back() -> None:
 def session(rows: list[Row], end: int, **around: Any) -> WatchSession:
     trace = EdgeTrace(MHZ4, (chunk(rows),), Cycles(end))
     return WatchSession(Subject(Path("run.vcd"), MHZ4, trace=trace, **around))
-
-
-def answer(of: WatchSession, **request: Any) -> dict[str, Any]:
-    return list(of.handle(request))[-1]
 
 
 def test_the_latest_pulse_has_its_width_until_it_is_two_frames_old() -> None:
