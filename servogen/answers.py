@@ -8,7 +8,7 @@ instruction cycles; frames and addresses are counted from 0, lines and columns o
 from typing import Annotated, Literal, NotRequired, TypedDict
 
 
-class Message(TypedDict):
+class DiagnosticAnswer(TypedDict):
     """An error, a warning or a note, and where it is."""
 
     severity: Annotated[str, '"error", "warning" or "note".']
@@ -121,7 +121,7 @@ class StrayPinAnswer(TypedDict):
     first_cycle: Annotated[int, "When it first does, since reset."]
 
 
-class ChipWarning(Message):
+class ChipWarning(DiagnosticAnswer):
     """A warning of the simulated chip."""
 
     chip_dependent: Annotated[bool, "Whether another chip may do something else there."]
@@ -195,7 +195,7 @@ class CapturedChannelAnswer(TypedDict):
     jitter_us: Annotated[float, "The root mean square error of the rises."]
 
 
-class MismatchAnswer(Message):
+class MismatchAnswer(DiagnosticAnswer):
     """Where a capture is first not as scheduled."""
 
     time_us: Annotated[float, "The time since its beginning, by the analyser's clock."]
@@ -1091,7 +1091,7 @@ class EquationAnswer(TypedDict):
     every_angle: Annotated[bool, "Whether every x is a solution."]
 
 
-class PhaseChange(TypedDict):
+class PhaseChangeAnswer(TypedDict):
     """A time of a gait that was rounded to frames."""
 
     what: Annotated[str, "Which."]
@@ -1123,7 +1123,7 @@ class LostMotion(TypedDict):
     swing_beyond: Annotated[float, "The part of the swing beyond it."]
 
 
-class HeldBack(TypedDict):
+class HeldBackAnswer(TypedDict):
     """A servo that is held back."""
 
     leg: Annotated[str, "The leg."]
@@ -1161,13 +1161,13 @@ class GaitAnswer(TypedDict):
     loop_start: Annotated[int, "The first frame of the loop."]
     frames_per_cycle: Annotated[int, "Frames of a cycle."]
     cycle_s: Annotated[float, "The time of a cycle."]
-    phase_changes: Annotated[list[PhaseChange], "Times that were rounded to frames."]
+    phase_changes: Annotated[list[PhaseChangeAnswer], "Times that were rounded to frames."]
     stability: Annotated[StabilityAnswer | None, "Where it is least stable."]
     spring: Annotated[LegFigure, "Where a spring gives most."]
     slip: Annotated[LegFigure, "Where a foot slides most."]
     lost_motion: Annotated[LostMotion, "What the servos' slack takes."]
     centres_of_rotation_m: Annotated[list[list[float] | None], "x and y that the body turns about."]
-    held_back: Annotated[list[HeldBack], "Servos that are held back."]
+    held_back: Annotated[list[HeldBackAnswer], "Servos that are held back."]
     first_millimetre_m: Annotated[float, "How far a foot slides in the first millimetre of its lift."]
     torque: Annotated[TorqueAnswer | None, "The largest torque."]
     lift_m: Annotated[float, "How high feet are lifted."]
@@ -1240,7 +1240,7 @@ class GradeFacts(TypedDict):
     lab: Annotated[str, "The lab."]
     passed: Annotated[bool, "Whether it does what the lab requires."]
     reasons: Annotated[list[str], "Why not, the most helpful one first."]
-    remarks: Annotated[list[Message], "What is good to know."]
+    remarks: Annotated[list[DiagnosticAnswer], "What is good to know."]
     pins: Annotated[dict[str, str], "The pin of each servo."]
     positions: Annotated[list[PositionAnswer], "Each position of the task."]
     seen: Annotated[str, "The program's order of positions."]

@@ -13,7 +13,7 @@ from difflib import get_close_matches
 from typing import TYPE_CHECKING, Literal, Self
 
 if TYPE_CHECKING:
-    from servogen.answers import Message
+    from servogen.answers import DiagnosticAnswer
 
 Severity = Literal["error", "warning", "note"]
 
@@ -92,7 +92,7 @@ class Diagnostic:
         """Return the location and the message only, for a report."""
         return ": ".join(part for part in (str(self.location or ""), self.message) if part)
 
-    def to_json(self) -> Message:
+    def to_json(self) -> DiagnosticAnswer:
         """Return the diagnostic as a value that JSON can hold."""
         place = self.location or Location()
         return {

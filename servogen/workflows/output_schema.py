@@ -196,7 +196,7 @@ class _Definitions:
         fields = {key: self.of(key, hint) for key, hint in hints.items()}
         required = sorted(kind.__required_keys__)
         if whole:
-            listed = {"type": "array", "items": self.of("", answers.Message)}
+            listed = {"type": "array", "items": self.of("", answers.DiagnosticAnswer)}
             if kind is answers.Refusal:
                 listed["contains"] = {"properties": {"severity": {"const": "error"}}}
             fields = {"diagnostics": {**listed, "description": "Errors and warnings."}, **fields}

@@ -203,7 +203,7 @@ def test_every_number_has_a_unit_and_every_key_a_meaning() -> None:
 def test_the_command_prints_the_schema_of_one_command_or_of_all(run: Run, tmp_path: Path) -> None:
     one = json.loads(run("schema", "output", "equation").out)
     assert one == output_schema("equation")
-    assert set(one["definitions"]) == {"equation", "Refusal", "Message", "AdviceAnswer", *OF_ADVICE}
+    assert set(one["definitions"]) == {"equation", "Refusal", "DiagnosticAnswer", "AdviceAnswer", *OF_ADVICE}
     assert json.loads(run("schema", "output").out) == output_schema()
     refused = run("schema", "output", "equatoin")
     assert refused.code == 2 and "did you mean 'equation'?" in refused.err
