@@ -19,19 +19,102 @@
  * written. The C between the slots may take any time that ends before the next one begins.
  * RA4: commands, one level per frame, high at rest: 10 kOhm pull-up to VDD.
  * Low for 5 frames: stop.
+ *
+ * What the motion does, part by part: where each foot goes, and the servos for it.
+ *   forward:
+ *     L1 79.6 to 113.1, 109.2 to 121.4, -130 to -110 mm; L1-turn 111.7 to 135.4 deg: 1560 to 1626 us; L1-lift
+ *     30 to 56.4 deg: 1333 to 1407 us
+ *     L2 -23.1 to 10.4, 109.2 to 121.4, -130 to -110 mm; L2-turn 44.6 to 68.3 deg: 1374 to 1440 us; L2-lift
+ *     123.6 to 150 deg: 1593 to 1667 us
+ *     L3 -113.1 to -79.6, 109.2 to 120.9, -130 to -110 mm; L3-turn 44.6 to 68.3 deg: 1374 to 1440 us; L3-lift
+ *     123.6 to 150 deg: 1593 to 1667 us
+ *     R1 79.6 to 113.1, -120.9 to -109.2, -130 to -110 mm; R1-turn 111.7 to 135.4 deg: 1440 to 1374 us;
+ *     R1-lift 30 to 56.4 deg: 1667 to 1593 us
+ *     R2 -23.1 to 10.4, -120.9 to -109.2, -130 to -110 mm; R2-turn 44.6 to 68.3 deg: 1626 to 1560 us; R2-lift
+ *     123.6 to 150 deg: 1407 to 1333 us
+ *     R3 -113.1 to -79.6, -121.4 to -109.2, -130 to -110 mm; R3-turn 44.6 to 68.3 deg: 1626 to 1560 us;
+ *     R3-lift 123.6 to 150 deg: 1407 to 1333 us
+ *   back:
+ *     L1 79.6 to 113.1, 109.2 to 121.4, -130 to -110 mm; L1-turn 111.7 to 135.4 deg: 1560 to 1626 us; L1-lift
+ *     30 to 56.4 deg: 1333 to 1407 us
+ *     L2 -23.1 to 10.4, 109.2 to 121.4, -130 to -110 mm; L2-turn 44.6 to 68.3 deg: 1374 to 1440 us; L2-lift
+ *     123.6 to 150 deg: 1593 to 1667 us
+ *     L3 -113.1 to -79.6, 109.2 to 120.9, -130 to -110 mm; L3-turn 44.6 to 68.3 deg: 1374 to 1440 us; L3-lift
+ *     123.6 to 150 deg: 1593 to 1667 us
+ *     R1 79.6 to 113.1, -120.9 to -109.2, -130 to -110 mm; R1-turn 111.7 to 135.4 deg: 1440 to 1374 us;
+ *     R1-lift 30 to 56.4 deg: 1667 to 1593 us
+ *     R2 -23.1 to 10.4, -120.9 to -109.2, -130 to -110 mm; R2-turn 44.6 to 68.3 deg: 1626 to 1560 us; R2-lift
+ *     123.6 to 150 deg: 1407 to 1333 us
+ *     R3 -113.1 to -79.6, -121.4 to -109.2, -130 to -110 mm; R3-turn 44.6 to 68.3 deg: 1626 to 1560 us;
+ *     R3-lift 123.6 to 150 deg: 1407 to 1333 us
+ *   left:
+ *     L1 90 to 160.4, 56.1 to 114.6, -130 to -110 mm; L1-turn 45.9 to 123.6 deg: 1378 to 1593 us; L1-lift 30
+ *     to 56.4 deg: 1333 to 1407 us
+ *     L2 -22.6 to 9.9, 109.2 to 120.9, -130 to -110 mm; L2-turn 45.1 to 67.8 deg: 1375 to 1438 us; L2-lift
+ *     123.6 to 150 deg: 1593 to 1667 us
+ *     L3 -160.4 to -90, 56.1 to 115.7, -130 to -110 mm; L3-turn 56.4 to 134.1 deg: 1407 to 1622 us; L3-lift
+ *     123.6 to 150 deg: 1593 to 1667 us
+ *     R1 90 to 160.4, -114.6 to -56.1, -130 to -110 mm; R1-turn 45.9 to 123.6 deg: 1622 to 1407 us; R1-lift 30
+ *     to 56.4 deg: 1667 to 1593 us
+ *     R2 -22.6 to 9.9, -120.9 to -109.2, -130 to -110 mm; R2-turn 45.1 to 67.8 deg: 1625 to 1562 us; R2-lift
+ *     123.6 to 150 deg: 1407 to 1333 us
+ *     R3 -160.4 to -90, -115.7 to -56.1, -130 to -110 mm; R3-turn 56.4 to 134.1 deg: 1593 to 1378 us; R3-lift
+ *     123.6 to 150 deg: 1407 to 1333 us
+ *   right:
+ *     L1 90 to 160.4, 56.1 to 114.6, -130 to -110 mm; L1-turn 45.9 to 123.6 deg: 1378 to 1593 us; L1-lift 30
+ *     to 56.4 deg: 1333 to 1407 us
+ *     L2 -22.6 to 9.9, 109.2 to 120.9, -130 to -110 mm; L2-turn 45.1 to 67.8 deg: 1375 to 1438 us; L2-lift
+ *     123.6 to 150 deg: 1593 to 1667 us
+ *     L3 -160.4 to -90, 56.1 to 115.7, -130 to -110 mm; L3-turn 56.4 to 134.1 deg: 1407 to 1622 us; L3-lift
+ *     123.6 to 150 deg: 1593 to 1667 us
+ *     R1 90 to 160.4, -114.6 to -56.1, -130 to -110 mm; R1-turn 45.9 to 123.6 deg: 1622 to 1407 us; R1-lift 30
+ *     to 56.4 deg: 1667 to 1593 us
+ *     R2 -22.6 to 9.9, -120.9 to -109.2, -130 to -110 mm; R2-turn 45.1 to 67.8 deg: 1625 to 1562 us; R2-lift
+ *     123.6 to 150 deg: 1407 to 1333 us
+ *     R3 -160.4 to -90, -115.7 to -56.1, -130 to -110 mm; R3-turn 56.4 to 134.1 deg: 1593 to 1378 us; R3-lift
+ *     123.6 to 150 deg: 1407 to 1333 us
  */
 #pragma CLOCK_FREQ 4000000
 /* XT, watchdog off, power-up timer on, no code protection: */
 asm __config 0x3FF1
 
+#define CHANNELS 12
+#define SLOTS 7
+#define HALF 128   /* of a 256th of a step: times are rounded to the nearest */
+
 /* Poses, 6 bytes each, in steps of 1 us from each channel's base width. */
-const unsigned char ROW[] = { 75, 95, 95, 95, 75, 75, 1, 169, 169, 169, 1, 1, 168, 2, 2, 2, 168, 168, 125, 129, 129, 129, 2, 125, 218, 36, 36, 36, 95, 218, 245, 9, 62, 62, 69, 245, 192, 62, 9, 9, 122, 192, 12, 61, 168, 242, 70, 86, 49, 36, 205, 205, 95, 49, 86, 10, 242, 168, 121, 12 };
+const unsigned char ROW[] = {
+    75, 95, 95, 95, 75, 75,   /* 0 */
+    1, 169, 169, 169, 1, 1,   /* 6 */
+    168, 2, 2, 2, 168, 168,   /* 12 */
+    125, 129, 129, 129, 2, 125,   /* 18 */
+    218, 36, 36, 36, 95, 218,   /* 24 */
+    245, 9, 62, 62, 69, 245,   /* 30 */
+    192, 62, 9, 9, 122, 192,   /* 36 */
+    12, 61, 168, 242, 70, 86,   /* 42 */
+    49, 36, 205, 205, 95, 49,   /* 48 */
+    86, 10, 242, 168, 121, 12   /* 54 */
+};
+#define LIFT_STANDING 0   /* the row of the lifts of legs that stand */
+#define LIFT_HIGHEST 6   /* and of those that are lifted as high as they go */
+#define LIFT_FIRST 12   /* and of all legs before the robot rises */
+#define RISING 4   /* the place in the script up to which it has not risen */
 
 /* Poses of the directions, read forward and backward: the place of the row; the legs that are lifted, and in bits 0
  * and 1 the timing of the step from the previous pose. */
-const unsigned char SCRIPT[] = { 18, 0, 18, 0, 24, 0, 24, 1, 30, 86, 30, 2, 30, 170, 30, 2, 24, 87, 36, 3, 24, 171, 30, 3, 24, 86, 24, 2, 24, 170, 24, 2, 42, 86, 42, 2, 42, 170, 42, 2, 48, 87, 54, 3, 48, 171, 42, 3, 24, 86, 24, 2, 24, 170, 24, 2 };
+#define ENTRY 2   /* bytes of a pose */
+#define SPOT_TIMING 2   /* of steps on the spot */
+#define COMMAND_BITS 0xE0   /* of a byte of HEARING */
+#define STATE_BITS 0x1F
+#define TIMING_BITS 0x03
+#define LEG_BITS 0xFC
+const unsigned char SCRIPT[] = {
+    18, 0, 18, 0, 24, 0, 24, 1, 30, 86, 30, 2, 30, 170, 30, 2, 24, 87, 36, 3, 24, 171, 30, 3,
+    24, 86, 24, 2, 24, 170, 24, 2, 42, 86, 42, 2, 42, 170, 42, 2, 48, 87, 54, 3, 48, 171, 42,
+    3, 24, 86, 24, 2, 24, 170, 24, 2
+};
 
-/* All else that is constant, in one table. */
+/* All else that is constant, in one table, and where its parts begin. */
 #define BASE_LOW 0   /* the channels' base widths */
 #define SLOT_A 12   /* the pins that rise together in a slot */
 #define SLOT_TICKS 19   /* ticks from the slot before */
@@ -42,9 +125,25 @@ const unsigned char SCRIPT[] = { 18, 0, 18, 0, 24, 0, 24, 1, 30, 86, 30, 2, 30, 
 #define HEARING 45   /* for each state the line low, and high */
 #define PARTS 85   /* for standing and each direction, where its start, its cycle and its stop begin, and its end */
 #define LAW 105   /* weights at each sixteenth of a step */
-const unsigned char CONSTANT[] = { 95, 52, 91, 218, 91, 218, 91, 218, 218, 52, 95, 52, 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00, 157, 72, 73, 73, 73, 72, 105, 0, 2, 4, 6, 8, 10, 0, 50, 1, 12, 12, 31, 0, 85, 85, 5, 0, 21, 21, 1, 2, 3, 2, 0, 4, 5, 2, 0, 6, 37, 2, 7, 6, 8, 9, 10, 11, 0, 12, 5, 13, 14, 4, 15, 6, 0, 16, 1, 17, 18, 19, 64, 6, 96, 4, 163, 2, 0, 132, 4, 6, 0, 0, 30, 22, 14, 6, 6, 14, 22, 30, 54, 46, 38, 30, 30, 38, 46, 54, 128, 137, 145, 152, 157, 159, 159, 155, 148, 138, 125, 109, 91, 70, 48, 24, 1, 0, 4, 14, 30, 49, 71, 95, 120, 144, 167, 189, 208, 225, 238, 248, 254, 255, 0, 1, 1, 2, 5, 8, 13, 19, 27, 36, 46, 58, 71, 84, 99, 114, 128 };
+#define LIFT_LAW 122   /* of lifting */
+#define SPOT_LAW 139   /* of turning on the spot */
+const unsigned char CONSTANT[] = {
+    95, 52, 91, 218, 91, 218, 91, 218, 218, 52, 95, 52,   /* BASE_LOW */
+    0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00,   /* SLOT_A */
+    157, 72, 73, 73, 73, 72, 105,   /* SLOT_TICKS */
+    0, 2, 4, 6, 8, 10, 0,   /* SLOT_CHANNEL */
+    50, 1, 12, 12,   /* FRAMES */
+    31, 0, 85, 85,   /* SPEED_LOW */
+    5, 0, 21, 21,   /* SPEED_HIGH */
+    1, 2, 3, 2, 0, 4, 5, 2, 0, 6, 37, 2, 7, 6, 8, 9, 10, 11, 0, 12, 5, 13, 14, 4, 15, 6, 0,   /* HEARING */
+    16, 1, 17, 18, 19, 64, 6, 96, 4, 163, 2, 0, 132,
+    4, 6, 0, 0, 30, 22, 14, 6, 6, 14, 22, 30, 54, 46, 38, 30, 30, 38, 46, 54,   /* PARTS */
+    128, 137, 145, 152, 157, 159, 159, 155, 148, 138, 125, 109, 91, 70, 48, 24, 1,   /* LAW */
+    0, 4, 14, 30, 49, 71, 95, 120, 144, 167, 189, 208, 225, 238, 248, 254, 255,   /* LIFT_LAW */
+    0, 1, 1, 2, 5, 8, 13, 19, 27, 36, 46, 58, 71, 84, 99, 114, 128   /* SPOT_LAW */
+};
 
-unsigned char width_low[12], width_high[12];
+unsigned char width_low[CHANNELS], width_high[CHANNELS];
 
 /* The kernel's. */
 unsigned char pulse_a_lo, pulse_a_hi, pulse_b_lo, pulse_b_hi, mask_a, mask_b, both, port;
@@ -58,14 +157,14 @@ unsigned char landed;   /* on the spot: the legs that have stepped, and a bit of
 /* The arithmetic's. */
 unsigned char channel, key, next, weight, value, value_low, value_high, bits, sign;
 
-/* Between two frames what the kernel needs in its slots holds weights, and the legs that go backwards by a law. */
+/* Between two frames the kernel's variables hold weights, and the legs that go backwards by a law: other names of them. */
 #define swing_up pulse_a_lo
 #define swing_down pulse_a_hi
 #define lift_up pulse_b_lo
 #define lift_down pulse_b_hi
 #define lift stay
 #define leg fine
-#define at apart
+#define swapped apart
 #define back mask_a
 #define standing mask_b
 #define doubled both
@@ -430,7 +529,7 @@ void weigh_swing(void)
     next = law;
     weigh();
     swing_up = value;
-    next = 122;
+    next = LIFT_LAW;
     weigh();
 }
 
@@ -440,12 +539,12 @@ void make_widths(void)
     unsigned char column;
 
     if (landed) {
-        law = 139;
+        law = SPOT_LAW;
         back = landed;
         standing = 0;
         doubled = 0;
     } else {
-        law = 105;
+        law = LAW;
         back = next_lifted;
         standing = time;
         doubled = 2;
@@ -459,16 +558,16 @@ void make_widths(void)
     lift_up = value;
     leg = 4;
     column = 0;
-    for (channel = 0; channel < 12; channel++) {
+    for (channel = 0; channel < CHANNELS; channel++) {
         sign = 0;
         if (channel & 1) {
-            key = column;
-            next = column + 6;
+            key = column + LIFT_STANDING;
+            next = column + LIFT_HIGHEST;
             weight = lift;
-            if (place <= 4) {
+            if (place <= RISING) {
                 next = key;
-                key = column + 12;
-                if (place == 4)
+                key = column + LIFT_FIRST;
+                if (place == RISING)
                     weight = time;
             }
             column++;
@@ -477,9 +576,9 @@ void make_widths(void)
             key = row + column;
             next = next_row + column;
             if (back & leg) {
-                at = key;
+                swapped = key;
                 key = next;
-                next = at;
+                next = swapped;
             }
             lift = 0;
             weight = standing;
@@ -506,11 +605,11 @@ void listen(void)
     if (PORTA & 0x10)
         heard++;
     heard = CONSTANT[HEARING + heard];
-    if (heard & 0xE0) {
+    if (heard & COMMAND_BITS) {
         wanted = heard >> 4;
         wanted &= 0x0E;
         wanted -= 2;
-        heard &= 0x1F;
+        heard &= STATE_BITS;
     }
 }
 
@@ -536,14 +635,14 @@ void next_step(void)
         until = CONSTANT[PARTS + 1 + key];
     }
     if ((begun & 2) == 0)
-        place += 2;
+        place += ENTRY;
     timing = SCRIPT[place + 1];
     if (begun & 2)
-        place -= 2;               /* backward */
-    timing &= 3;
-    if (timing == 2) {
+        place -= ENTRY;               /* backward */
+    timing &= TIMING_BITS;
+    if (timing == SPOT_TIMING) {
         if (landed)
-            landed ^= next_lifted & 0xFC;   /* what falls in this step, from where it was highest */
+            landed ^= next_lifted & LEG_BITS;   /* what falls in this step, from where it was highest */
         else {                              /* the first step on the spot: all end where the part does */
             landed = 1;
             row = next_row;
@@ -558,7 +657,7 @@ void next_step(void)
     next_lifted = SCRIPT[place + 1];
     frames = CONSTANT[FRAMES + timing];
     time = 0;
-    time_low = 128;
+    time_low = HALF;
 }
 
 /* On to the next frame. */
@@ -581,13 +680,13 @@ void play(void)
 {
     unsigned char slot, at;
 
-    for (slot = 0; slot < 7; slot++) {
+    for (slot = 0; slot < SLOTS; slot++) {
         at = CONSTANT[SLOT_CHANNEL + slot];
         mask_a = CONSTANT[SLOT_A + slot];
         mask_b = mask_a << 1;
-        port = 0x06;
+        port = 0x06;   /* the address of PORTB */
         if (slot >= 4)
-            port = 0x05;
+            port = 0x05;   /* PORTA */
         ahead = CONSTANT[SLOT_TICKS + slot];
         target += ahead;
         both = mask_a | mask_b;

@@ -17,21 +17,63 @@
  *
  * A frame takes 20000 us: 7 slots, each begun by TMR0, which counts 32 us and is never
  * written. The C between the slots may take any time that ends before the next one begins.
+ *
+ * What the motion does, part by part: where each foot goes, and the servos for it.
+ *   segment 1 (forward_mm = 40), 0 to 2.08 s:
+ *     L1 64 to 103.4, 108.5 to 121.7, -130 to -110 mm; L1-turn 41.6 to 71.3 deg: 1366 to 1448 us; L1-lift
+ *     123.6 to 150 deg: 1593 to 1667 us
+ *     L2 -26 to 13.4, 108.5 to 121.1, -130 to -110 mm; L2-turn 41.6 to 71.3 deg: 1366 to 1448 us; L2-lift
+ *     123.6 to 150 deg: 1593 to 1667 us
+ *     L3 -116 to -76.6, 108.5 to 121.1, -130 to -110 mm; L3-turn 41.6 to 71.3 deg: 1366 to 1448 us; L3-lift
+ *     123.6 to 150 deg: 1593 to 1667 us
+ *     R1 64 to 103.4, -121.1 to -108.5, -130 to -110 mm; R1-turn 41.6 to 71.3 deg: 1634 to 1552 us; R1-lift
+ *     123.6 to 150 deg: 1407 to 1333 us
+ *     R2 -26 to 13.4, -121.1 to -108.5, -130 to -110 mm; R2-turn 41.6 to 71.3 deg: 1634 to 1552 us; R2-lift
+ *     123.6 to 150 deg: 1407 to 1333 us
+ *     R3 -116 to -76.6, -121.2 to -108.5, -130 to -110 mm; R3-turn 41.6 to 71.3 deg: 1634 to 1552 us; R3-lift
+ *     123.6 to 150 deg: 1407 to 1333 us
  */
 #pragma CLOCK_FREQ 4000000
 /* XT, watchdog off, power-up timer on, no code protection: */
 asm __config 0x3FF1
 
+#define CHANNELS 12
+#define SLOTS 7
+#define HALF 128   /* of a 256th of a step: times are rounded to the nearest */
+
 /* Poses, 6 bytes each, in steps of 1 us from each channel's base width. */
-const unsigned char ROW[] = { 95, 95, 95, 75, 75, 75, 169, 169, 169, 1, 1, 1, 2, 2, 2, 168, 168, 168, 137, 137, 137, 2, 2, 2, 44, 44, 44, 95, 95, 95, 26, 62, 44, 60, 130, 95, 44, 79, 9, 95, 113, 77, 62, 44, 26, 130, 95, 60, 79, 9, 44, 113, 77, 95, 44, 26, 62, 95, 60, 130, 9, 44, 79, 77, 95, 113 };
+const unsigned char ROW[] = {
+    95, 95, 95, 75, 75, 75,   /* 0 */
+    169, 169, 169, 1, 1, 1,   /* 6 */
+    2, 2, 2, 168, 168, 168,   /* 12 */
+    137, 137, 137, 2, 2, 2,   /* 18 */
+    44, 44, 44, 95, 95, 95,   /* 24 */
+    26, 62, 44, 60, 130, 95,   /* 30 */
+    44, 79, 9, 95, 113, 77,   /* 36 */
+    62, 44, 26, 130, 95, 60,   /* 42 */
+    79, 9, 44, 113, 77, 95,   /* 48 */
+    44, 26, 62, 95, 60, 130,   /* 54 */
+    9, 44, 79, 77, 95, 113   /* 60 */
+};
+#define COLUMNS 6   /* bytes of a pose */
+#define LIFT_STANDING 0   /* the row of the lifts of legs that stand */
+#define LIFT_HIGHEST 6   /* and of those that are lifted as high as they go */
+#define LIFT_FIRST 12   /* and of all legs before the robot rises */
+#define RISING 7   /* the place in the script up to which it has not risen */
 
-/* Steps from pose to pose, each to the next row: the legs that it lifts, and in bits 0 and 1 its timing.
- * 252 before that: to the row at the next byte. 255, bytes, times: back by that many bytes, until that part has been played that often.
- * 253: the legs step on the spot, from where they stand to the row at the next byte, as long as steps without a row follow.
- */
-const unsigned char SCRIPT[] = { 252, 18, 0, 252, 18, 0, 0, 253, 60, 17, 33, 9, 129, 5, 1, 252, 60, 65, 252, 30, 17, 33, 9, 129, 5, 65 };
+/* Steps from pose to pose, each to the next row: the legs that it lifts, and in bits 0 and 1 its timing. Before a step there may be: */
+#define TO_ROW 252   /* it goes to the row at the next byte */
+/* 253: the legs step on the spot, from where they stand to the row at the next byte, as long as steps without a row follow. */
+#define SCRIPT_END 26
+#define SCRIPT_LOOP 18   /* where it goes on after its end */
+#define TIMING_BITS 0x03
+#define LEG_BITS 0xFC
+const unsigned char SCRIPT[] = {
+    252, 18, 0, 252, 18, 0, 0, 253, 60, 17, 33, 9, 129, 5, 1, 252, 60, 65, 252, 30, 17, 33, 9,
+    129, 5, 65
+};
 
-/* All else that is constant, in one table. */
+/* All else that is constant, in one table, and where its parts begin. */
 #define BASE_LOW 0   /* the channels' base widths */
 #define SLOT_A 12   /* the pins that rise together in a slot */
 #define SLOT_TICKS 19   /* ticks from the slot before */
@@ -40,9 +82,22 @@ const unsigned char SCRIPT[] = { 252, 18, 0, 252, 18, 0, 0, 253, 60, 17, 33, 9, 
 #define SPEED_LOW 35   /* 65536ths of a step in a frame */
 #define SPEED_HIGH 37
 #define LAW 39   /* weights at each sixteenth of a step */
-const unsigned char CONSTANT[] = { 83, 218, 83, 218, 83, 218, 218, 52, 218, 52, 218, 52, 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00, 155, 73, 73, 73, 72, 72, 107, 0, 2, 4, 6, 8, 10, 0, 50, 8, 31, 0, 5, 32, 128, 133, 139, 145, 149, 151, 151, 148, 141, 132, 120, 104, 87, 67, 46, 23, 1, 0, 4, 14, 30, 49, 71, 95, 120, 144, 167, 189, 208, 225, 238, 248, 254, 255, 0, 1, 1, 2, 5, 8, 13, 19, 27, 36, 46, 58, 71, 84, 99, 114, 128 };
+#define LIFT_LAW 56   /* of lifting */
+#define SPOT_LAW 73   /* of turning on the spot */
+const unsigned char CONSTANT[] = {
+    83, 218, 83, 218, 83, 218, 218, 52, 218, 52, 218, 52,   /* BASE_LOW */
+    0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00,   /* SLOT_A */
+    155, 73, 73, 73, 72, 72, 107,   /* SLOT_TICKS */
+    0, 2, 4, 6, 8, 10, 0,   /* SLOT_CHANNEL */
+    50, 8,   /* FRAMES */
+    31, 0,   /* SPEED_LOW */
+    5, 32,   /* SPEED_HIGH */
+    128, 133, 139, 145, 149, 151, 151, 148, 141, 132, 120, 104, 87, 67, 46, 23, 1,   /* LAW */
+    0, 4, 14, 30, 49, 71, 95, 120, 144, 167, 189, 208, 225, 238, 248, 254, 255,   /* LIFT_LAW */
+    0, 1, 1, 2, 5, 8, 13, 19, 27, 36, 46, 58, 71, 84, 99, 114, 128   /* SPOT_LAW */
+};
 
-unsigned char width_low[12], width_high[12];
+unsigned char width_low[CHANNELS], width_high[CHANNELS];
 
 /* The kernel's. */
 unsigned char pulse_a_lo, pulse_a_hi, pulse_b_lo, pulse_b_hi, mask_a, mask_b, both, port;
@@ -56,14 +111,14 @@ unsigned char landed;   /* on the spot: the legs that have stepped, and a bit of
 /* The arithmetic's. */
 unsigned char channel, key, next, weight, value, value_low, value_high, bits, sign;
 
-/* Between two frames what the kernel needs in its slots holds weights, and the legs that go backwards by a law. */
+/* Between two frames the kernel's variables hold weights, and the legs that go backwards by a law: other names of them. */
 #define swing_up pulse_a_lo
 #define swing_down pulse_a_hi
 #define lift_up pulse_b_lo
 #define lift_down pulse_b_hi
 #define lift stay
 #define leg fine
-#define at apart
+#define swapped apart
 #define back mask_a
 #define standing mask_b
 #define doubled both
@@ -424,7 +479,7 @@ void weigh_swing(void)
     next = law;
     weigh();
     swing_up = value;
-    next = 56;
+    next = LIFT_LAW;
     weigh();
 }
 
@@ -434,12 +489,12 @@ void make_widths(void)
     unsigned char column;
 
     if (landed) {
-        law = 73;
+        law = SPOT_LAW;
         back = landed;
         standing = 0;
         doubled = 0;
     } else {
-        law = 39;
+        law = LAW;
         back = next_lifted;
         standing = time;
         doubled = 2;
@@ -453,16 +508,16 @@ void make_widths(void)
     lift_up = value;
     leg = 4;
     column = 0;
-    for (channel = 0; channel < 12; channel++) {
+    for (channel = 0; channel < CHANNELS; channel++) {
         sign = 0;
         if (channel & 1) {
-            key = column;
-            next = column + 6;
+            key = column + LIFT_STANDING;
+            next = column + LIFT_HIGHEST;
             weight = lift;
-            if (place <= 7) {
+            if (place <= RISING) {
                 next = key;
-                key = column + 12;
-                if (place == 7)
+                key = column + LIFT_FIRST;
+                if (place == RISING)
                     weight = time;
             }
             column++;
@@ -471,9 +526,9 @@ void make_widths(void)
             key = row + column;
             next = next_row + column;
             if (back & leg) {
-                at = key;
+                swapped = key;
                 key = next;
-                next = at;
+                next = swapped;
             }
             lift = 0;
             weight = standing;
@@ -496,8 +551,8 @@ void make_widths(void)
 /* The script's byte at its place, in timing. */
 void read_script(void)
 {
-    if (place == 26)
-        place = 18;
+    if (place == SCRIPT_END)
+        place = SCRIPT_LOOP;
     timing = SCRIPT[place];
     place++;
 }
@@ -506,24 +561,24 @@ void read_script(void)
 void next_step(void)
 {
     read_script();
-    if (timing >= 252) {
+    if (timing >= TO_ROW) {
         row = next_row;
         landed = timing & 1;
         read_script();
         next_row = timing;
         read_script();
     } else if (landed)
-        landed ^= next_lifted & 0xFC;   /* what falls in this step, from where it was highest */
+        landed ^= next_lifted & LEG_BITS;   /* what falls in this step, from where it was highest */
     else {
         row = next_row;
-        next_row += 6;
+        next_row += COLUMNS;
     }
     lifted = next_lifted;
     next_lifted = timing;
-    timing &= 3;
+    timing &= TIMING_BITS;
     frames = CONSTANT[FRAMES + timing];
     time = 0;
-    time_low = 128;
+    time_low = HALF;
 }
 
 /* To the first step. */
@@ -554,13 +609,13 @@ void play(void)
 {
     unsigned char slot, at;
 
-    for (slot = 0; slot < 7; slot++) {
+    for (slot = 0; slot < SLOTS; slot++) {
         at = CONSTANT[SLOT_CHANNEL + slot];
         mask_a = CONSTANT[SLOT_A + slot];
         mask_b = mask_a << 1;
-        port = 0x06;
+        port = 0x06;   /* the address of PORTB */
         if (slot >= 4)
-            port = 0x05;
+            port = 0x05;   /* PORTA */
         ahead = CONSTANT[SLOT_TICKS + slot];
         target += ahead;
         both = mask_a | mask_b;

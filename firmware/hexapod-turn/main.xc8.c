@@ -17,22 +17,78 @@
  *
  * A frame takes 20000 us: 7 slots, each begun by TMR0, which counts 32 us and is never
  * written. The C between the slots may take any time that ends before the next one begins.
+ *
+ * What the motion does, part by part: where each foot goes, and the servos for it.
+ *   segment 1 (forward_mm = 40), 0 to 4.8 s:
+ *     L1 79.6 to 113.1, 109.2 to 121.4, -130 to -110 mm; L1-turn 111.7 to 135.4 deg: 1560 to 1626 us; L1-lift
+ *     30 to 56.4 deg: 1333 to 1407 us
+ *     L2 -23.1 to 10.4, 109.2 to 121.4, -130 to -110 mm; L2-turn 44.6 to 68.3 deg: 1374 to 1440 us; L2-lift
+ *     123.6 to 150 deg: 1593 to 1667 us
+ *     L3 -113.1 to -79.6, 109.2 to 120.9, -130 to -110 mm; L3-turn 44.6 to 68.3 deg: 1374 to 1440 us; L3-lift
+ *     123.6 to 150 deg: 1593 to 1667 us
+ *     R1 79.6 to 113.1, -120.9 to -109.2, -130 to -110 mm; R1-turn 111.7 to 135.4 deg: 1440 to 1374 us;
+ *     R1-lift 30 to 56.4 deg: 1667 to 1593 us
+ *     R2 -23.1 to 10.4, -120.9 to -109.2, -130 to -110 mm; R2-turn 44.6 to 68.3 deg: 1626 to 1560 us; R2-lift
+ *     123.6 to 150 deg: 1407 to 1333 us
+ *     R3 -113.1 to -79.6, -121.4 to -109.2, -130 to -110 mm; R3-turn 44.6 to 68.3 deg: 1626 to 1560 us;
+ *     R3-lift 123.6 to 150 deg: 1407 to 1333 us
+ *   segment 2 (turn_deg = 20), 4.8 to 15.38 s:
+ *     L1 80.1 to 160.4, 56.1 to 116.9, -130 to -110 mm; L1-turn 45.9 to 133.1 deg: 1378 to 1620 us; L1-lift 30
+ *     to 56.4 deg: 1333 to 1407 us
+ *     L2 -22.6 to 9.9, 109.2 to 120.9, -130 to -110 mm; L2-turn 45.1 to 67.8 deg: 1375 to 1438 us; L2-lift
+ *     123.6 to 150 deg: 1593 to 1667 us
+ *     L3 -160.4 to -90, 56.1 to 115.7, -130 to -110 mm; L3-turn 56.4 to 134.1 deg: 1407 to 1622 us; L3-lift
+ *     123.6 to 150 deg: 1593 to 1667 us
+ *     R1 90 to 160.4, -114.6 to -56.1, -130 to -110 mm; R1-turn 45.9 to 123.6 deg: 1622 to 1407 us; R1-lift 30
+ *     to 56.4 deg: 1667 to 1593 us
+ *     R2 -26.9 to 9.9, -120.9 to -109.2, -130 to -110 mm; R2-turn 45.1 to 67.8 deg: 1625 to 1562 us; R2-lift
+ *     123.6 to 150 deg: 1407 to 1333 us
+ *     R3 -160.4 to -80.1, -118 to -56.1, -130 to -110 mm; R3-turn 46.9 to 134.1 deg: 1620 to 1378 us; R3-lift
+ *     123.6 to 150 deg: 1407 to 1333 us
  */
 #include <xc.h>
 
 #pragma config FOSC = XT, WDTE = OFF, PWRTE = ON, CP = OFF
 #define _XTAL_FREQ 4000000
 
+#define CHANNELS 12
+#define SLOTS 7
+#define HALF 128   /* of a 256th of a step: times are rounded to the nearest */
+
 /* Poses, 6 bytes each, in steps of 1 us from each channel's base width. */
-const unsigned char ROW[] = { 75, 95, 95, 95, 75, 75, 1, 169, 169, 169, 1, 1, 168, 2, 2, 2, 168, 168, 125, 129, 129, 129, 2, 125, 218, 36, 36, 36, 95, 218, 245, 9, 62, 62, 69, 245, 192, 62, 9, 9, 122, 192, 86, 10, 242, 168, 121, 12, 49, 36, 205, 205, 95, 49, 12, 61, 168, 242, 70, 86 };
+const unsigned char ROW[] = {
+    75, 95, 95, 95, 75, 75,   /* 0 */
+    1, 169, 169, 169, 1, 1,   /* 6 */
+    168, 2, 2, 2, 168, 168,   /* 12 */
+    125, 129, 129, 129, 2, 125,   /* 18 */
+    218, 36, 36, 36, 95, 218,   /* 24 */
+    245, 9, 62, 62, 69, 245,   /* 30 */
+    192, 62, 9, 9, 122, 192,   /* 36 */
+    86, 10, 242, 168, 121, 12,   /* 42 */
+    49, 36, 205, 205, 95, 49,   /* 48 */
+    12, 61, 168, 242, 70, 86   /* 54 */
+};
+#define COLUMNS 6   /* bytes of a pose */
+#define LIFT_STANDING 0   /* the row of the lifts of legs that stand */
+#define LIFT_HIGHEST 6   /* and of those that are lifted as high as they go */
+#define LIFT_FIRST 12   /* and of all legs before the robot rises */
+#define RISING 7   /* the place in the script up to which it has not risen */
 
-/* Steps from pose to pose, each to the next row: the legs that it lifts, and in bits 0 and 1 its timing.
- * 252 before that: to the row at the next byte. 255, bytes, times: back by that many bytes, until that part has been played that often.
- * 253: the legs step on the spot, from where they stand to the row at the next byte, as long as steps without a row follow.
- */
-const unsigned char SCRIPT[] = { 252, 18, 0, 252, 18, 0, 0, 253, 30, 85, 1, 169, 1, 252, 24, 85, 252, 36, 1, 252, 24, 169, 1, 255, 13, 4, 253, 54, 85, 1, 169, 1, 252, 48, 85, 252, 42, 1, 169, 1, 255, 11, 9, 253, 24, 85, 1, 169, 1, 252, 24, 2 };
+/* Steps from pose to pose, each to the next row: the legs that it lifts, and in bits 0 and 1 its timing. Before a step there may be: */
+#define TO_ROW 252   /* it goes to the row at the next byte */
+#define AGAIN 255   /* bytes, times: back by that many bytes, until that part has been played that often */
+/* 253: the legs step on the spot, from where they stand to the row at the next byte, as long as steps without a row follow. */
+#define SCRIPT_END 52
+#define SCRIPT_LOOP 7   /* where it goes on after its end */
+#define TIMING_BITS 0x03
+#define LEG_BITS 0xFC
+const unsigned char SCRIPT[] = {
+    252, 18, 0, 252, 18, 0, 0, 253, 30, 85, 1, 169, 1, 252, 24, 85, 252, 36, 1, 252, 24, 169,
+    1, 255, 13, 4, 253, 54, 85, 1, 169, 1, 252, 48, 85, 252, 42, 1, 169, 1, 255, 11, 9, 253,
+    24, 85, 1, 169, 1, 252, 24, 2
+};
 
-/* All else that is constant, in one table. */
+/* All else that is constant, in one table, and where its parts begin. */
 #define BASE_LOW 0   /* the channels' base widths */
 #define SLOT_A 12   /* the pins that rise together in a slot */
 #define SLOT_TICKS 19   /* ticks from the slot before */
@@ -41,9 +97,22 @@ const unsigned char SCRIPT[] = { 252, 18, 0, 252, 18, 0, 0, 253, 30, 85, 1, 169,
 #define SPEED_LOW 36   /* 65536ths of a step in a frame */
 #define SPEED_HIGH 39
 #define LAW 42   /* weights at each sixteenth of a step */
-const unsigned char CONSTANT[] = { 95, 52, 91, 218, 91, 218, 91, 218, 218, 52, 95, 52, 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00, 157, 72, 73, 73, 73, 72, 105, 0, 2, 4, 6, 8, 10, 0, 50, 12, 1, 31, 85, 0, 5, 21, 0, 128, 137, 145, 152, 157, 159, 159, 155, 148, 138, 125, 109, 91, 70, 48, 24, 1, 0, 4, 14, 30, 49, 71, 95, 120, 144, 167, 189, 208, 225, 238, 248, 254, 255, 0, 1, 1, 2, 5, 8, 13, 19, 27, 36, 46, 58, 71, 84, 99, 114, 128 };
+#define LIFT_LAW 59   /* of lifting */
+#define SPOT_LAW 76   /* of turning on the spot */
+const unsigned char CONSTANT[] = {
+    95, 52, 91, 218, 91, 218, 91, 218, 218, 52, 95, 52,   /* BASE_LOW */
+    0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00,   /* SLOT_A */
+    157, 72, 73, 73, 73, 72, 105,   /* SLOT_TICKS */
+    0, 2, 4, 6, 8, 10, 0,   /* SLOT_CHANNEL */
+    50, 12, 1,   /* FRAMES */
+    31, 85, 0,   /* SPEED_LOW */
+    5, 21, 0,   /* SPEED_HIGH */
+    128, 137, 145, 152, 157, 159, 159, 155, 148, 138, 125, 109, 91, 70, 48, 24, 1,   /* LAW */
+    0, 4, 14, 30, 49, 71, 95, 120, 144, 167, 189, 208, 225, 238, 248, 254, 255,   /* LIFT_LAW */
+    0, 1, 1, 2, 5, 8, 13, 19, 27, 36, 46, 58, 71, 84, 99, 114, 128   /* SPOT_LAW */
+};
 
-unsigned char width_low[12], width_high[12];
+unsigned char width_low[CHANNELS], width_high[CHANNELS];
 
 /* The kernel's. */
 unsigned char pulse_a_lo, pulse_a_hi, pulse_b_lo, pulse_b_hi, mask_a, mask_b, both, port;
@@ -57,14 +126,14 @@ unsigned char landed;   /* on the spot: the legs that have stepped, and a bit of
 /* The arithmetic's. */
 unsigned char channel, key, next, weight, value, value_low, value_high, bits, sign;
 
-/* Between two frames what the kernel needs in its slots holds weights, and the legs that go backwards by a law. */
+/* Between two frames the kernel's variables hold weights, and the legs that go backwards by a law: other names of them. */
 #define swing_up pulse_a_lo
 #define swing_down pulse_a_hi
 #define lift_up pulse_b_lo
 #define lift_down pulse_b_hi
 #define lift stay
 #define leg fine
-#define at apart
+#define swapped apart
 #define back mask_a
 #define standing mask_b
 #define doubled both
@@ -422,7 +491,7 @@ void weigh_swing(void)
     next = law;
     weigh();
     swing_up = value;
-    next = 59;
+    next = LIFT_LAW;
     weigh();
 }
 
@@ -432,12 +501,12 @@ void make_widths(void)
     unsigned char column;
 
     if (landed) {
-        law = 76;
+        law = SPOT_LAW;
         back = landed;
         standing = 0;
         doubled = 0;
     } else {
-        law = 42;
+        law = LAW;
         back = next_lifted;
         standing = time;
         doubled = 2;
@@ -451,16 +520,16 @@ void make_widths(void)
     lift_up = value;
     leg = 4;
     column = 0;
-    for (channel = 0; channel < 12; channel++) {
+    for (channel = 0; channel < CHANNELS; channel++) {
         sign = 0;
         if (channel & 1) {
-            key = column;
-            next = column + 6;
+            key = column + LIFT_STANDING;
+            next = column + LIFT_HIGHEST;
             weight = lift;
-            if (place <= 7) {
+            if (place <= RISING) {
                 next = key;
-                key = column + 12;
-                if (place == 7)
+                key = column + LIFT_FIRST;
+                if (place == RISING)
                     weight = time;
             }
             column++;
@@ -469,9 +538,9 @@ void make_widths(void)
             key = row + column;
             next = next_row + column;
             if (back & leg) {
-                at = key;
+                swapped = key;
                 key = next;
-                next = at;
+                next = swapped;
             }
             lift = 0;
             weight = standing;
@@ -494,8 +563,8 @@ void make_widths(void)
 /* The script's byte at its place, in timing. */
 void read_script(void)
 {
-    if (place == 52)
-        place = 7;
+    if (place == SCRIPT_END)
+        place = SCRIPT_LOOP;
     timing = SCRIPT[place];
     place++;
 }
@@ -504,7 +573,7 @@ void read_script(void)
 void next_step(void)
 {
     read_script();
-    if (timing == 255) {
+    if (timing == AGAIN) {
         read_script();
         key = timing;
         read_script();
@@ -515,24 +584,24 @@ void next_step(void)
             place -= key;
         read_script();   /* a step: what is played again is not followed by the like */
     }
-    if (timing >= 252) {
+    if (timing >= TO_ROW) {
         row = next_row;
         landed = timing & 1;
         read_script();
         next_row = timing;
         read_script();
     } else if (landed)
-        landed ^= next_lifted & 0xFC;   /* what falls in this step, from where it was highest */
+        landed ^= next_lifted & LEG_BITS;   /* what falls in this step, from where it was highest */
     else {
         row = next_row;
-        next_row += 6;
+        next_row += COLUMNS;
     }
     lifted = next_lifted;
     next_lifted = timing;
-    timing &= 3;
+    timing &= TIMING_BITS;
     frames = CONSTANT[FRAMES + timing];
     time = 0;
-    time_low = 128;
+    time_low = HALF;
 }
 
 /* To the first step. */
@@ -564,13 +633,13 @@ void play(void)
 {
     unsigned char slot, at;
 
-    for (slot = 0; slot < 7; slot++) {
+    for (slot = 0; slot < SLOTS; slot++) {
         at = CONSTANT[SLOT_CHANNEL + slot];
         mask_a = CONSTANT[SLOT_A + slot];
         mask_b = mask_a << 1;
-        port = 0x06;
+        port = 0x06;   /* the address of PORTB */
         if (slot >= 4)
-            port = 0x05;
+            port = 0x05;   /* PORTA */
         ahead = CONSTANT[SLOT_TICKS + slot];
         target += ahead;
         both = mask_a | mask_b;

@@ -17,22 +17,70 @@
  *
  * A frame takes 20000 us: 7 slots, each begun by TMR0, which counts 32 us and is never
  * written. The C between the slots may take any time that ends before the next one begins.
+ *
+ * What the motion does, part by part: where each foot goes, and the servos for it.
+ *   segment 1 (forward_mm = 40), 0 to 3.84 s:
+ *     L1 61.7 to 106.4, 107.7 to 121.3, -130 to -110 mm; L1-turn 38.9 to 74 deg: 1358 to 1456 us; L1-lift
+ *     123.6 to 150 deg: 1593 to 1667 us
+ *     L2 -28.3 to 16.4, 107.7 to 121.3, -130 to -110 mm; L2-turn 38.9 to 74 deg: 1358 to 1456 us; L2-lift
+ *     123.6 to 150 deg: 1593 to 1667 us
+ *     L3 -118.3 to -73.6, 107.7 to 121.3, -130 to -110 mm; L3-turn 38.9 to 74 deg: 1358 to 1456 us; L3-lift
+ *     123.6 to 150 deg: 1593 to 1667 us
+ *     R1 61.7 to 106.4, -121.9 to -107.7, -130 to -110 mm; R1-turn 38.9 to 74 deg: 1642 to 1544 us; R1-lift
+ *     123.6 to 150 deg: 1407 to 1333 us
+ *     R2 -28.3 to 16.4, -121.5 to -107.7, -130 to -110 mm; R2-turn 38.9 to 74 deg: 1642 to 1544 us; R2-lift
+ *     123.6 to 150 deg: 1407 to 1333 us
+ *     R3 -118.3 to -73.6, -121.3 to -107.7, -130 to -110 mm; R3-turn 38.9 to 74 deg: 1642 to 1544 us; R3-lift
+ *     123.6 to 150 deg: 1407 to 1333 us
  */
 #include <xc.h>
 
 #pragma config FOSC = XT, WDTE = OFF, PWRTE = ON, CP = OFF
 #define _XTAL_FREQ 4000000
 
+#define CHANNELS 12
+#define SLOTS 7
+#define HALF 128   /* of a 256th of a step: times are rounded to the nearest */
+
 /* Poses, 6 bytes each, in steps of 1 us from each channel's base width. */
-const unsigned char ROW[] = { 95, 95, 95, 75, 75, 75, 169, 169, 169, 1, 1, 1, 2, 2, 2, 168, 168, 168, 144, 144, 144, 2, 2, 2, 51, 51, 51, 95, 95, 95, 69, 86, 51, 131, 113, 95, 78, 95, 7, 122, 104, 86, 86, 51, 15, 113, 95, 77, 95, 7, 24, 104, 86, 68, 51, 15, 33, 95, 77, 60, 7, 24, 42, 86, 68, 51, 15, 33, 51, 77, 60, 95, 24, 42, 60, 68, 51, 139, 33, 51, 69, 60, 95, 131, 42, 60, 78, 51, 139, 122, 51, 69, 86, 95, 131, 113, 60, 78, 95, 139, 122, 104 };
+const unsigned char ROW[] = {
+    95, 95, 95, 75, 75, 75,   /* 0 */
+    169, 169, 169, 1, 1, 1,   /* 6 */
+    2, 2, 2, 168, 168, 168,   /* 12 */
+    144, 144, 144, 2, 2, 2,   /* 18 */
+    51, 51, 51, 95, 95, 95,   /* 24 */
+    69, 86, 51, 131, 113, 95,   /* 30 */
+    78, 95, 7, 122, 104, 86,   /* 36 */
+    86, 51, 15, 113, 95, 77,   /* 42 */
+    95, 7, 24, 104, 86, 68,   /* 48 */
+    51, 15, 33, 95, 77, 60,   /* 54 */
+    7, 24, 42, 86, 68, 51,   /* 60 */
+    15, 33, 51, 77, 60, 95,   /* 66 */
+    24, 42, 60, 68, 51, 139,   /* 72 */
+    33, 51, 69, 60, 95, 131,   /* 78 */
+    42, 60, 78, 51, 139, 122,   /* 84 */
+    51, 69, 86, 95, 131, 113,   /* 90 */
+    60, 78, 95, 139, 122, 104   /* 96 */
+};
+#define COLUMNS 6   /* bytes of a pose */
+#define LIFT_STANDING 0   /* the row of the lifts of legs that stand */
+#define LIFT_HIGHEST 6   /* and of those that are lifted as high as they go */
+#define LIFT_FIRST 12   /* and of all legs before the robot rises */
+#define RISING 7   /* the place in the script up to which it has not risen */
 
-/* Steps from pose to pose, each to the next row: the legs that it lifts, and in bits 0 and 1 its timing.
- * 252 before that: to the row at the next byte. 255, bytes, times: back by that many bytes, until that part has been played that often.
- * 253: the legs step on the spot, from where they stand to the row at the next byte, as long as steps without a row follow.
- */
-const unsigned char SCRIPT[] = { 252, 18, 0, 252, 18, 0, 0, 253, 96, 17, 1, 9, 1, 5, 1, 129, 1, 65, 1, 33, 1, 252, 30, 17, 1, 9, 1, 5, 1, 129, 1, 65, 1, 33, 1 };
+/* Steps from pose to pose, each to the next row: the legs that it lifts, and in bits 0 and 1 its timing. Before a step there may be: */
+#define TO_ROW 252   /* it goes to the row at the next byte */
+/* 253: the legs step on the spot, from where they stand to the row at the next byte, as long as steps without a row follow. */
+#define SCRIPT_END 35
+#define SCRIPT_LOOP 21   /* where it goes on after its end */
+#define TIMING_BITS 0x03
+#define LEG_BITS 0xFC
+const unsigned char SCRIPT[] = {
+    252, 18, 0, 252, 18, 0, 0, 253, 96, 17, 1, 9, 1, 5, 1, 129, 1, 65, 1, 33, 1, 252, 30, 17,
+    1, 9, 1, 5, 1, 129, 1, 65, 1, 33, 1
+};
 
-/* All else that is constant, in one table. */
+/* All else that is constant, in one table, and where its parts begin. */
 #define BASE_LOW 0   /* the channels' base widths */
 #define SLOT_A 12   /* the pins that rise together in a slot */
 #define SLOT_TICKS 19   /* ticks from the slot before */
@@ -41,9 +89,22 @@ const unsigned char SCRIPT[] = { 252, 18, 0, 252, 18, 0, 0, 253, 96, 17, 1, 9, 1
 #define SPEED_LOW 35   /* 65536ths of a step in a frame */
 #define SPEED_HIGH 37
 #define LAW 39   /* weights at each sixteenth of a step */
-const unsigned char CONSTANT[] = { 76, 218, 76, 218, 76, 218, 218, 52, 218, 52, 218, 52, 0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00, 155, 73, 73, 73, 73, 73, 105, 0, 2, 4, 6, 8, 10, 0, 50, 8, 31, 0, 5, 32, 128, 131, 135, 139, 142, 144, 143, 139, 133, 124, 113, 98, 82, 63, 43, 22, 1, 0, 4, 14, 30, 49, 71, 95, 120, 144, 167, 189, 208, 225, 238, 248, 254, 255, 0, 1, 1, 2, 5, 8, 13, 19, 27, 36, 46, 58, 71, 84, 99, 114, 128 };
+#define LIFT_LAW 56   /* of lifting */
+#define SPOT_LAW 73   /* of turning on the spot */
+const unsigned char CONSTANT[] = {
+    76, 218, 76, 218, 76, 218, 218, 52, 218, 52, 218, 52,   /* BASE_LOW */
+    0x01, 0x04, 0x10, 0x40, 0x01, 0x04, 0x00,   /* SLOT_A */
+    155, 73, 73, 73, 73, 73, 105,   /* SLOT_TICKS */
+    0, 2, 4, 6, 8, 10, 0,   /* SLOT_CHANNEL */
+    50, 8,   /* FRAMES */
+    31, 0,   /* SPEED_LOW */
+    5, 32,   /* SPEED_HIGH */
+    128, 131, 135, 139, 142, 144, 143, 139, 133, 124, 113, 98, 82, 63, 43, 22, 1,   /* LAW */
+    0, 4, 14, 30, 49, 71, 95, 120, 144, 167, 189, 208, 225, 238, 248, 254, 255,   /* LIFT_LAW */
+    0, 1, 1, 2, 5, 8, 13, 19, 27, 36, 46, 58, 71, 84, 99, 114, 128   /* SPOT_LAW */
+};
 
-unsigned char width_low[12], width_high[12];
+unsigned char width_low[CHANNELS], width_high[CHANNELS];
 
 /* The kernel's. */
 unsigned char pulse_a_lo, pulse_a_hi, pulse_b_lo, pulse_b_hi, mask_a, mask_b, both, port;
@@ -57,14 +118,14 @@ unsigned char landed;   /* on the spot: the legs that have stepped, and a bit of
 /* The arithmetic's. */
 unsigned char channel, key, next, weight, value, value_low, value_high, bits, sign;
 
-/* Between two frames what the kernel needs in its slots holds weights, and the legs that go backwards by a law. */
+/* Between two frames the kernel's variables hold weights, and the legs that go backwards by a law: other names of them. */
 #define swing_up pulse_a_lo
 #define swing_down pulse_a_hi
 #define lift_up pulse_b_lo
 #define lift_down pulse_b_hi
 #define lift stay
 #define leg fine
-#define at apart
+#define swapped apart
 #define back mask_a
 #define standing mask_b
 #define doubled both
@@ -422,7 +483,7 @@ void weigh_swing(void)
     next = law;
     weigh();
     swing_up = value;
-    next = 56;
+    next = LIFT_LAW;
     weigh();
 }
 
@@ -432,12 +493,12 @@ void make_widths(void)
     unsigned char column;
 
     if (landed) {
-        law = 73;
+        law = SPOT_LAW;
         back = landed;
         standing = 0;
         doubled = 0;
     } else {
-        law = 39;
+        law = LAW;
         back = next_lifted;
         standing = time;
         doubled = 2;
@@ -451,16 +512,16 @@ void make_widths(void)
     lift_up = value;
     leg = 4;
     column = 0;
-    for (channel = 0; channel < 12; channel++) {
+    for (channel = 0; channel < CHANNELS; channel++) {
         sign = 0;
         if (channel & 1) {
-            key = column;
-            next = column + 6;
+            key = column + LIFT_STANDING;
+            next = column + LIFT_HIGHEST;
             weight = lift;
-            if (place <= 7) {
+            if (place <= RISING) {
                 next = key;
-                key = column + 12;
-                if (place == 7)
+                key = column + LIFT_FIRST;
+                if (place == RISING)
                     weight = time;
             }
             column++;
@@ -469,9 +530,9 @@ void make_widths(void)
             key = row + column;
             next = next_row + column;
             if (back & leg) {
-                at = key;
+                swapped = key;
                 key = next;
-                next = at;
+                next = swapped;
             }
             lift = 0;
             weight = standing;
@@ -494,8 +555,8 @@ void make_widths(void)
 /* The script's byte at its place, in timing. */
 void read_script(void)
 {
-    if (place == 35)
-        place = 21;
+    if (place == SCRIPT_END)
+        place = SCRIPT_LOOP;
     timing = SCRIPT[place];
     place++;
 }
@@ -504,24 +565,24 @@ void read_script(void)
 void next_step(void)
 {
     read_script();
-    if (timing >= 252) {
+    if (timing >= TO_ROW) {
         row = next_row;
         landed = timing & 1;
         read_script();
         next_row = timing;
         read_script();
     } else if (landed)
-        landed ^= next_lifted & 0xFC;   /* what falls in this step, from where it was highest */
+        landed ^= next_lifted & LEG_BITS;   /* what falls in this step, from where it was highest */
     else {
         row = next_row;
-        next_row += 6;
+        next_row += COLUMNS;
     }
     lifted = next_lifted;
     next_lifted = timing;
-    timing &= 3;
+    timing &= TIMING_BITS;
     frames = CONSTANT[FRAMES + timing];
     time = 0;
-    time_low = 128;
+    time_low = HALF;
 }
 
 /* To the first step. */
@@ -552,13 +613,13 @@ void play(void)
 {
     unsigned char slot, at;
 
-    for (slot = 0; slot < 7; slot++) {
+    for (slot = 0; slot < SLOTS; slot++) {
         at = CONSTANT[SLOT_CHANNEL + slot];
         mask_a = CONSTANT[SLOT_A + slot];
         mask_b = mask_a << 1;
-        port = 0x06;
+        port = 0x06;   /* the address of PORTB */
         if (slot >= 4)
-            port = 0x05;
+            port = 0x05;   /* PORTA */
         ahead = CONSTANT[SLOT_TICKS + slot];
         target += ahead;
         both = mask_a | mask_b;

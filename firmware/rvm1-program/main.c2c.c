@@ -11,20 +11,194 @@
  *
  * A frame takes 20000 us: 5 slots, each begun by TMR0, which counts 32 us and is never
  * written. The C between the slots may take any time that ends before the next one begins.
+ *
+ * What the motion does, part by part: its end, and the servos for it.
+ *   line 210, 0 to 1.18 s:
+ *     tool -160, 280, 320 mm; waist 119.7 deg: 1665 us; shoulder 88 deg: 1489 us; elbow 77.7 deg: 1432 us;
+ *     pitch 89.3 deg: 1496 us; roll 90 deg: 1500 us
+ *     hand 40 deg: 1361 us
+ *   line 220, 1.18 to 1.36 s:
+ *     tool -160, 280, 280 mm; waist 119.7 deg: 1665 us; shoulder 82.6 deg: 1459 us; elbow 73.4 deg: 1408 us;
+ *     pitch 98.9 deg: 1550 us; roll 90 deg: 1500 us
+ *     hand 40 deg: 1361 us
+ *   line 230, 1.36 to 1.66 s:
+ *     tool -160, 280, 280 mm; waist 119.7 deg: 1665 us; shoulder 82.6 deg: 1459 us; elbow 73.4 deg: 1408 us;
+ *     pitch 98.9 deg: 1550 us; roll 90 deg: 1500 us
+ *     hand 110 deg: 1556 us
+ *   line 240, 1.66 to 1.84 s:
+ *     tool -160, 280, 320 mm; waist 119.7 deg: 1665 us; shoulder 88 deg: 1489 us; elbow 77.7 deg: 1432 us;
+ *     pitch 89.3 deg: 1496 us; roll 90 deg: 1500 us
+ *     hand 110 deg: 1556 us
+ *   line 260, 1.84 to 2.34 s:
+ *     tool 0, 300, 300 mm; waist 90 deg: 1500 us; shoulder 89.6 deg: 1498 us; elbow 65.1 deg: 1362 us; pitch
+ *     100.3 deg: 1557 us; roll 90 deg: 1500 us
+ *     hand 110 deg: 1556 us
+ *   line 270, 2.34 to 2.52 s:
+ *     tool 0, 300, 260 mm; waist 90 deg: 1500 us; shoulder 83.1 deg: 1462 us; elbow 62.1 deg: 1345 us; pitch
+ *     109.8 deg: 1610 us; roll 90 deg: 1500 us
+ *     hand 110 deg: 1556 us
+ *   line 280, 2.52 to 2.82 s:
+ *     tool 0, 300, 260 mm; waist 90 deg: 1500 us; shoulder 83.1 deg: 1462 us; elbow 62.1 deg: 1345 us; pitch
+ *     109.8 deg: 1610 us; roll 90 deg: 1500 us
+ *     hand 40 deg: 1361 us
+ *   line 290, 2.82 to 2.98 s:
+ *     tool 0, 300, 300 mm; waist 90 deg: 1500 us; shoulder 89.6 deg: 1498 us; elbow 65.1 deg: 1362 us; pitch
+ *     100.3 deg: 1557 us; roll 90 deg: 1500 us
+ *     hand 40 deg: 1361 us
+ *   line 210, 2.98 to 3.48 s:
+ *     tool -160, 280, 320 mm; waist 119.7 deg: 1665 us; shoulder 88 deg: 1489 us; elbow 77.7 deg: 1432 us;
+ *     pitch 89.3 deg: 1496 us; roll 90 deg: 1500 us
+ *     hand 40 deg: 1361 us
+ *   line 220, 3.48 to 3.66 s:
+ *     tool -160, 280, 280 mm; waist 119.7 deg: 1665 us; shoulder 82.6 deg: 1459 us; elbow 73.4 deg: 1408 us;
+ *     pitch 98.9 deg: 1550 us; roll 90 deg: 1500 us
+ *     hand 40 deg: 1361 us
+ *   line 230, 3.66 to 3.96 s:
+ *     tool -160, 280, 280 mm; waist 119.7 deg: 1665 us; shoulder 82.6 deg: 1459 us; elbow 73.4 deg: 1408 us;
+ *     pitch 98.9 deg: 1550 us; roll 90 deg: 1500 us
+ *     hand 110 deg: 1556 us
+ *   line 240, 3.96 to 4.14 s:
+ *     tool -160, 280, 320 mm; waist 119.7 deg: 1665 us; shoulder 88 deg: 1489 us; elbow 77.7 deg: 1432 us;
+ *     pitch 89.3 deg: 1496 us; roll 90 deg: 1500 us
+ *     hand 110 deg: 1556 us
+ *   line 260, 4.14 to 4.88 s:
+ *     tool 80, 300, 300 mm; waist 75.1 deg: 1417 us; shoulder 87.7 deg: 1487 us; elbow 69.7 deg: 1387 us;
+ *     pitch 97.6 deg: 1542 us; roll 90 deg: 1500 us
+ *     hand 110 deg: 1556 us
+ *   line 270, 4.88 to 5.06 s:
+ *     tool 80, 300, 260 mm; waist 75.1 deg: 1417 us; shoulder 81.5 deg: 1453 us; elbow 66.7 deg: 1371 us;
+ *     pitch 106.8 deg: 1593 us; roll 90 deg: 1500 us
+ *     hand 110 deg: 1556 us
+ *   line 280, 5.06 to 5.36 s:
+ *     tool 80, 300, 260 mm; waist 75.1 deg: 1417 us; shoulder 81.5 deg: 1453 us; elbow 66.7 deg: 1371 us;
+ *     pitch 106.8 deg: 1593 us; roll 90 deg: 1500 us
+ *     hand 40 deg: 1361 us
+ *   line 290, 5.36 to 5.52 s:
+ *     tool 80, 300, 300 mm; waist 75.1 deg: 1417 us; shoulder 87.7 deg: 1487 us; elbow 69.7 deg: 1387 us;
+ *     pitch 97.6 deg: 1542 us; roll 90 deg: 1500 us
+ *     hand 40 deg: 1361 us
+ *   line 210, 5.52 to 6.26 s:
+ *     tool -160, 280, 320 mm; waist 119.7 deg: 1665 us; shoulder 88 deg: 1489 us; elbow 77.7 deg: 1432 us;
+ *     pitch 89.3 deg: 1496 us; roll 90 deg: 1500 us
+ *     hand 40 deg: 1361 us
+ *   line 220, 6.26 to 6.44 s:
+ *     tool -160, 280, 280 mm; waist 119.7 deg: 1665 us; shoulder 82.6 deg: 1459 us; elbow 73.4 deg: 1408 us;
+ *     pitch 98.9 deg: 1550 us; roll 90 deg: 1500 us
+ *     hand 40 deg: 1361 us
+ *   line 230, 6.44 to 6.74 s:
+ *     tool -160, 280, 280 mm; waist 119.7 deg: 1665 us; shoulder 82.6 deg: 1459 us; elbow 73.4 deg: 1408 us;
+ *     pitch 98.9 deg: 1550 us; roll 90 deg: 1500 us
+ *     hand 110 deg: 1556 us
+ *   line 240, 6.74 to 6.92 s:
+ *     tool -160, 280, 320 mm; waist 119.7 deg: 1665 us; shoulder 88 deg: 1489 us; elbow 77.7 deg: 1432 us;
+ *     pitch 89.3 deg: 1496 us; roll 90 deg: 1500 us
+ *     hand 110 deg: 1556 us
+ *   line 260, 6.92 to 7.42 s:
+ *     tool 0, 370, 300 mm; waist 90 deg: 1500 us; shoulder 74.3 deg: 1413 us; elbow 102.4 deg: 1569 us; pitch
+ *     78.3 deg: 1435 us; roll 90 deg: 1500 us
+ *     hand 110 deg: 1556 us
+ *   line 270, 7.42 to 7.58 s:
+ *     tool 0, 370, 260 mm; waist 90 deg: 1500 us; shoulder 69.6 deg: 1387 us; elbow 98.5 deg: 1547 us; pitch
+ *     86.8 deg: 1482 us; roll 90 deg: 1500 us
+ *     hand 110 deg: 1556 us
+ *   line 280, 7.58 to 7.88 s:
+ *     tool 0, 370, 260 mm; waist 90 deg: 1500 us; shoulder 69.6 deg: 1387 us; elbow 98.5 deg: 1547 us; pitch
+ *     86.8 deg: 1482 us; roll 90 deg: 1500 us
+ *     hand 40 deg: 1361 us
+ *   line 290, 7.88 to 8.04 s:
+ *     tool 0, 370, 300 mm; waist 90 deg: 1500 us; shoulder 74.3 deg: 1413 us; elbow 102.4 deg: 1569 us; pitch
+ *     78.3 deg: 1435 us; roll 90 deg: 1500 us
+ *     hand 40 deg: 1361 us
+ *   line 210, 8.04 to 8.54 s:
+ *     tool -160, 280, 320 mm; waist 119.7 deg: 1665 us; shoulder 88 deg: 1489 us; elbow 77.7 deg: 1432 us;
+ *     pitch 89.3 deg: 1496 us; roll 90 deg: 1500 us
+ *     hand 40 deg: 1361 us
+ *   line 220, 8.54 to 8.72 s:
+ *     tool -160, 280, 280 mm; waist 119.7 deg: 1665 us; shoulder 82.6 deg: 1459 us; elbow 73.4 deg: 1408 us;
+ *     pitch 98.9 deg: 1550 us; roll 90 deg: 1500 us
+ *     hand 40 deg: 1361 us
+ *   line 230, 8.72 to 9.02 s:
+ *     tool -160, 280, 280 mm; waist 119.7 deg: 1665 us; shoulder 82.6 deg: 1459 us; elbow 73.4 deg: 1408 us;
+ *     pitch 98.9 deg: 1550 us; roll 90 deg: 1500 us
+ *     hand 110 deg: 1556 us
+ *   line 240, 9.02 to 9.2 s:
+ *     tool -160, 280, 320 mm; waist 119.7 deg: 1665 us; shoulder 88 deg: 1489 us; elbow 77.7 deg: 1432 us;
+ *     pitch 89.3 deg: 1496 us; roll 90 deg: 1500 us
+ *     hand 110 deg: 1556 us
+ *   line 260, 9.2 to 9.88 s:
+ *     tool 80, 370, 300 mm; waist 77.8 deg: 1432 us; shoulder 71.6 deg: 1398 us; elbow 109 deg: 1606 us; pitch
+ *     74.4 deg: 1413 us; roll 90 deg: 1500 us
+ *     hand 110 deg: 1556 us
+ *   line 270, 9.88 to 10.04 s:
+ *     tool 80, 370, 260 mm; waist 77.8 deg: 1432 us; shoulder 67.3 deg: 1374 us; elbow 104.7 deg: 1581 us;
+ *     pitch 83.1 deg: 1462 us; roll 90 deg: 1500 us
+ *     hand 110 deg: 1556 us
+ *   line 280, 10.04 to 10.34 s:
+ *     tool 80, 370, 260 mm; waist 77.8 deg: 1432 us; shoulder 67.3 deg: 1374 us; elbow 104.7 deg: 1581 us;
+ *     pitch 83.1 deg: 1462 us; roll 90 deg: 1500 us
+ *     hand 40 deg: 1361 us
+ *   line 290, 10.34 to 10.5 s:
+ *     tool 80, 370, 300 mm; waist 77.8 deg: 1432 us; shoulder 71.6 deg: 1398 us; elbow 109 deg: 1606 us; pitch
+ *     74.4 deg: 1413 us; roll 90 deg: 1500 us
+ *     hand 40 deg: 1361 us
+ *   line 120, 10.5 to 11.18 s:
+ *     tool 0, 410, 228 mm; waist 90 deg: 1500 us; shoulder 45 deg: 1250 us; elbow 150 deg: 1833 us; pitch 60
+ *     deg: 1333 us; roll 90 deg: 1500 us
+ *     hand 40 deg: 1361 us
  */
 #pragma CLOCK_FREQ 4000000
 /* XT, watchdog off, power-up timer on, no code protection: */
 asm __config 0x3FF1
 
+#define CHANNELS 6
+#define SLOTS 5
+#define HALF 128   /* of a 256th of a step: times are rounded to the nearest */
+
 /* Poses, 6 bytes each, in steps of 2 us from each channel's base width. */
-const unsigned char ROW[] = { 44, 127, 80, 86, 3, 72, 44, 2, 247, 2, 3, 2, 47, 6, 239, 5, 3, 2, 53, 15, 225, 11, 3, 2, 117, 108, 68, 75, 3, 2, 123, 117, 53, 81, 3, 2, 126, 121, 46, 83, 3, 2, 126, 106, 34, 110, 3, 2, 126, 106, 34, 110, 3, 99, 126, 121, 46, 84, 3, 99, 44, 126, 11, 114, 3, 99, 44, 108, 2, 141, 3, 99, 44, 108, 2, 141, 3, 2, 44, 126, 11, 114, 3, 2, 2, 121, 24, 107, 3, 99, 2, 103, 15, 132, 3, 99, 2, 103, 15, 132, 3, 2, 2, 121, 24, 107, 3, 2, 44, 83, 115, 53, 3, 99, 44, 83, 114, 54, 3, 99, 44, 71, 104, 76, 3, 99, 44, 70, 104, 77, 3, 2, 44, 83, 115, 53, 3, 2, 10, 76, 133, 42, 3, 99, 10, 75, 132, 43, 3, 99, 10, 66, 122, 63, 3, 99, 10, 64, 121, 66, 3, 99, 10, 64, 121, 66, 3, 2, 10, 76, 133, 42, 3, 2 };
+const unsigned char ROW[] = {
+    44, 127, 80, 86, 3, 72,   /* 0 */
+    44, 2, 247, 2, 3, 2,   /* 6 */
+    47, 6, 239, 5, 3, 2,   /* 12 */
+    53, 15, 225, 11, 3, 2,   /* 18 */
+    117, 108, 68, 75, 3, 2,   /* 24 */
+    123, 117, 53, 81, 3, 2,   /* 30 */
+    126, 121, 46, 83, 3, 2,   /* 36 */
+    126, 106, 34, 110, 3, 2,   /* 42 */
+    126, 106, 34, 110, 3, 99,   /* 48 */
+    126, 121, 46, 84, 3, 99,   /* 54 */
+    44, 126, 11, 114, 3, 99,   /* 60 */
+    44, 108, 2, 141, 3, 99,   /* 66 */
+    44, 108, 2, 141, 3, 2,   /* 72 */
+    44, 126, 11, 114, 3, 2,   /* 78 */
+    2, 121, 24, 107, 3, 99,   /* 84 */
+    2, 103, 15, 132, 3, 99,   /* 90 */
+    2, 103, 15, 132, 3, 2,   /* 96 */
+    2, 121, 24, 107, 3, 2,   /* 102 */
+    44, 83, 115, 53, 3, 99,   /* 108 */
+    44, 83, 114, 54, 3, 99,   /* 114 */
+    44, 71, 104, 76, 3, 99,   /* 120 */
+    44, 70, 104, 77, 3, 2,   /* 126 */
+    44, 83, 115, 53, 3, 2,   /* 132 */
+    10, 76, 133, 42, 3, 99,   /* 138 */
+    10, 75, 132, 43, 3, 99,   /* 144 */
+    10, 66, 122, 63, 3, 99,   /* 150 */
+    10, 64, 121, 66, 3, 99,   /* 156 */
+    10, 64, 121, 66, 3, 2,   /* 162 */
+    10, 76, 133, 42, 3, 2   /* 168 */
+};
+#define COLUMNS 6   /* bytes of a pose */
 
-/* Steps from pose to pose, each to the next row: its timing.
- * 252 before that: to the row at the next byte. 255, bytes, times: back by that many bytes, until that part has been played that often.
- */
-const unsigned char SCRIPT[] = { 252, 0, 0, 252, 0, 1, 0, 252, 6, 2, 3, 3, 4, 3, 3, 252, 36, 5, 6, 7, 6, 8, 6, 7, 9, 252, 36, 8, 6, 7, 6, 252, 84, 10, 6, 7, 9, 252, 36, 10, 6, 7, 6, 252, 108, 8, 11, 12, 252, 120, 2, 7, 9, 252, 36, 8, 6, 7, 6, 252, 138, 13, 11, 3, 14, 7, 9, 252, 6, 13, 252, 6, 2 };
+/* Steps from pose to pose, each to the next row: its timing. Before a step there may be: */
+#define TO_ROW 252   /* it goes to the row at the next byte */
+#define SCRIPT_END 73
+#define SCRIPT_LOOP 7   /* where it goes on after its end */
+const unsigned char SCRIPT[] = {
+    252, 0, 0, 252, 0, 1, 0, 252, 6, 2, 3, 3, 4, 3, 3, 252, 36, 5, 6, 7, 6, 8, 6, 7, 9, 252,
+    36, 8, 6, 7, 6, 252, 84, 10, 6, 7, 9, 252, 36, 10, 6, 7, 6, 252, 108, 8, 11, 12, 252, 120,
+    2, 7, 9, 252, 36, 8, 6, 7, 6, 252, 138, 13, 11, 3, 14, 7, 9, 252, 6, 13, 252, 6, 2
+};
 
-/* All else that is constant, in one table. */
+/* All else that is constant, in one table, and where its parts begin. */
 #define BASE_LOW 0   /* the channels' base widths */
 #define BASE_HIGH 6
 #define SLOT_A 12   /* the pins that rise together in a slot */
@@ -33,11 +207,23 @@ const unsigned char SCRIPT[] = { 252, 0, 0, 252, 0, 1, 0, 252, 6, 2, 3, 3, 4, 3,
 #define FRAMES 27   /* of a step; 0 is 256 */
 #define SPEED_LOW 42   /* 65536ths of a step in a frame */
 #define SPEED_HIGH 57
-#define LAW 72   /* weights at each sixteenth of a step */
 #define TIMING_LAW 89   /* where its law begins; 255: straight, 254: at once, 252: no pulses */
-const unsigned char CONSTANT[] = { 133, 222, 60, 49, 215, 77, 5, 4, 5, 5, 5, 5, 0x01, 0x04, 0x10, 0x00, 0x00, 188, 80, 84, 76, 197, 0, 2, 4, 0, 0, 50, 50, 1, 5, 35, 2, 9, 15, 25, 8, 37, 1, 6, 34, 2, 31, 31, 0, 51, 80, 0, 114, 17, 61, 0, 235, 0, 171, 136, 0, 5, 5, 0, 51, 7, 128, 28, 17, 10, 32, 6, 0, 42, 7, 128, 0, 3, 11, 24, 43, 65, 86, 107, 129, 150, 171, 192, 214, 233, 246, 254, 255, 255, 254, 254, 255, 255, 254, 72, 255, 72, 72, 72, 255, 255, 72, 255 };
+const unsigned char CONSTANT[] = {
+    133, 222, 60, 49, 215, 77,   /* BASE_LOW */
+    5, 4, 5, 5, 5, 5,   /* BASE_HIGH */
+    0x01, 0x04, 0x10, 0x00, 0x00,   /* SLOT_A */
+    188, 80, 84, 76, 197,   /* SLOT_TICKS */
+    0, 2, 4, 0, 0,   /* SLOT_CHANNEL */
+    50, 50, 1, 5, 35, 2, 9, 15, 25, 8, 37, 1, 6, 34, 2,   /* FRAMES */
+    31, 31, 0, 51, 80, 0, 114, 17, 61, 0, 235, 0, 171, 136, 0,   /* SPEED_LOW */
+    5, 5, 0, 51, 7, 128, 28, 17, 10, 32, 6, 0, 42, 7, 128,   /* SPEED_HIGH */
+    0, 3, 11, 24, 43, 65, 86, 107, 129, 150, 171, 192, 214, 233, 246, 254, 255,   /* laws: weights at each sixteenth of a step */
+    255, 254, 254, 255, 255, 254, 72, 255, 72, 72, 72, 255, 255, 72, 255   /* TIMING_LAW */
+};
+#define NO_PULSES 252   /* a timing without a law */
+#define AT_ONCE 254
 
-unsigned char width_low[6], width_high[6];
+unsigned char width_low[CHANNELS], width_high[CHANNELS];
 
 /* The kernel's. */
 unsigned char pulse_a_lo, pulse_a_hi, pulse_b_lo, pulse_b_hi, mask_a, mask_b, both, port;
@@ -406,12 +592,12 @@ void make_widths(void)
 
     now = time;
     next = CONSTANT[TIMING_LAW + timing];
-    if (next < 252) {
+    if (next < NO_PULSES) {
         bits = time;
         weigh();
         now = value;
     }
-    for (channel = 0; channel < 6; channel++) {
+    for (channel = 0; channel < CHANNELS; channel++) {
         sign = 0;
         key = row + channel;
         next = next_row + channel;
@@ -425,8 +611,8 @@ void make_widths(void)
 /* The script's byte at its place, in timing. */
 void read_script(void)
 {
-    if (place == 73)
-        place = 7;
+    if (place == SCRIPT_END)
+        place = SCRIPT_LOOP;
     timing = SCRIPT[place];
     place++;
 }
@@ -436,17 +622,17 @@ void next_step(void)
 {
     read_script();
     row = next_row;
-    next_row += 6;
-    if (timing == 252) {
+    next_row += COLUMNS;
+    if (timing == TO_ROW) {
         read_script();
         next_row = timing;
         read_script();
     }
-    if ((CONSTANT[TIMING_LAW + timing] | 2) == 254)
-        row = next_row;   /* at once */
+    if ((CONSTANT[TIMING_LAW + timing] | (AT_ONCE ^ NO_PULSES)) == AT_ONCE)   /* one of the two */
+        row = next_row;
     frames = CONSTANT[FRAMES + timing];
     time = 0;
-    time_low = 128;
+    time_low = HALF;
 }
 
 /* To the first step. */
@@ -477,11 +663,11 @@ void play(void)
 {
     unsigned char slot, at;
 
-    for (slot = 0; slot < 5; slot++) {
+    for (slot = 0; slot < SLOTS; slot++) {
         at = CONSTANT[SLOT_CHANNEL + slot];
         mask_a = CONSTANT[SLOT_A + slot];
         mask_b = mask_a << 1;
-        port = 0x06;
+        port = 0x06;   /* the address of PORTB */
         ahead = CONSTANT[SLOT_TICKS + slot];
         target += ahead;
         both = mask_a | mask_b;

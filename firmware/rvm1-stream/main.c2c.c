@@ -21,7 +21,10 @@ asm __config 0x3FF1
  * Of each servo in turn, low bytes and high bytes: the width of position 0, 256ths of cycles for each position more,
  * the neutral pose; its bit among the servos, its pin.
  */
-const unsigned char FACTS[] = { 232, 59, 198, 53, 232, 226, 3, 4, 4, 5, 3, 4, 240, 217, 104, 160, 240, 248, 3, 2, 2, 2, 3, 1, 220, 220, 220, 220, 220, 220, 5, 5, 5, 5, 5, 5, 1, 2, 4, 8, 16, 32, 1, 2, 4, 8, 16, 32 };
+const unsigned char FACTS[] = {
+    232, 59, 198, 53, 232, 226, 3, 4, 4, 5, 3, 4, 240, 217, 104, 160, 240, 248, 3, 2, 2, 2, 3,
+    1, 220, 220, 220, 220, 220, 220, 5, 5, 5, 5, 5, 5, 1, 2, 4, 8, 16, 32, 1, 2, 4, 8, 16, 32
+};
 
 /* Where each servo is, where it goes, by how much a frame at most (0: at once). */
 unsigned char width_low[6], width_high[6], goal_low[6], goal_high[6], speed[6];

@@ -9,21 +9,70 @@
  *
  * A frame takes 20000 us: 4 slots, each begun by TMR0, which counts 32 us and is never
  * written. The C between the slots may take any time that ends before the next one begins.
+ *
+ * What the motion does, part by part: its end, and the servos for it.
+ *   pose 1, 0 to 0.5 s:
+ *     tool 500, 200, 450 mm; shoulder 81.4 deg: 1452 us; elbow 143.9 deg: 1799 us; lift 0 deg: 1250 us; wrist
+ *     124.4 deg: 1596 us
+ *   pose 2, 0.5 to 2.42 s:
+ *     tool 500, 200, 300 mm; shoulder 81.4 deg: 1452 us; elbow 143.9 deg: 1799 us; lift 135 deg: 1625 us;
+ *     wrist 124.4 deg: 1596 us
+ *   pose 3, 2.42 to 3.84 s:
+ *     tool 500, 200, 450 mm; shoulder 81.4 deg: 1452 us; elbow 143.9 deg: 1799 us; lift 0 deg: 1250 us; wrist
+ *     124.4 deg: 1596 us
+ *   pose 4, 3.84 to 5.16 s:
+ *     tool 50, 606, 450 mm; shoulder 135 deg: 1750 us; elbow 130.2 deg: 1724 us; lift 0 deg: 1250 us; wrist
+ *     120 deg: 1583 us
+ *   pose 5, 5.16 to 7.08 s:
+ *     tool 50, 606, 300 mm; shoulder 135 deg: 1750 us; elbow 130.2 deg: 1724 us; lift 135 deg: 1625 us; wrist
+ *     120 deg: 1583 us
+ *   pose 6, 7.08 to 8.5 s:
+ *     tool 50, 606, 450 mm; shoulder 135 deg: 1750 us; elbow 130.2 deg: 1724 us; lift 0 deg: 1250 us; wrist
+ *     120 deg: 1583 us
+ *   pose 1, 8.5 to 9.7 s:
+ *     tool 500, 200, 450 mm; shoulder 81.4 deg: 1452 us; elbow 143.9 deg: 1799 us; lift 0 deg: 1250 us; wrist
+ *     124.4 deg: 1596 us
  */
 #include <xc.h>
 
 #pragma config FOSC = XT, WDTE = OFF, PWRTE = ON, CP = OFF
 #define _XTAL_FREQ 4000000
 
+#define CHANNELS 4
+#define SLOTS 4
+#define HALF 128   /* of a 256th of a step: times are rounded to the nearest */
+
 /* Poses, 4 bytes each, in steps of 2 us from each channel's base width. */
-const unsigned char ROW[] = { 26, 2, 127, 2, 2, 152, 2, 50, 2, 152, 189, 50, 3, 153, 2, 50, 7, 160, 2, 52, 15, 167, 2, 54, 27, 174, 2, 56, 46, 177, 2, 58, 63, 175, 2, 58, 86, 167, 2, 57, 116, 148, 2, 53, 133, 133, 2, 49, 144, 122, 2, 46, 150, 115, 2, 44, 151, 114, 2, 44, 151, 114, 189, 44 };
+const unsigned char ROW[] = {
+    26, 2, 127, 2,   /* 0 */
+    2, 152, 2, 50,   /* 4 */
+    2, 152, 189, 50,   /* 8 */
+    3, 153, 2, 50,   /* 12 */
+    7, 160, 2, 52,   /* 16 */
+    15, 167, 2, 54,   /* 20 */
+    27, 174, 2, 56,   /* 24 */
+    46, 177, 2, 58,   /* 28 */
+    63, 175, 2, 58,   /* 32 */
+    86, 167, 2, 57,   /* 36 */
+    116, 148, 2, 53,   /* 40 */
+    133, 133, 2, 49,   /* 44 */
+    144, 122, 2, 46,   /* 48 */
+    150, 115, 2, 44,   /* 52 */
+    151, 114, 2, 44,   /* 56 */
+    151, 114, 189, 44   /* 60 */
+};
+#define COLUMNS 4   /* bytes of a pose */
 
-/* Steps from pose to pose, each to the next row: its timing.
- * 252 before that: to the row at the next byte. 255, bytes, times: back by that many bytes, until that part has been played that often.
- */
-const unsigned char SCRIPT[] = { 252, 0, 0, 252, 0, 1, 0, 252, 4, 2, 3, 252, 8, 4, 252, 4, 3, 252, 12, 5, 5, 6, 6, 6, 7, 6, 5, 6, 6, 6, 8, 3, 252, 60, 4, 252, 56, 3, 252, 4, 9, 252, 4, 10 };
+/* Steps from pose to pose, each to the next row: its timing. Before a step there may be: */
+#define TO_ROW 252   /* it goes to the row at the next byte */
+#define SCRIPT_END 44
+#define SCRIPT_LOOP 7   /* where it goes on after its end */
+const unsigned char SCRIPT[] = {
+    252, 0, 0, 252, 0, 1, 0, 252, 4, 2, 3, 252, 8, 4, 252, 4, 3, 252, 12, 5, 5, 6, 6, 6, 7, 6,
+    5, 6, 6, 6, 8, 3, 252, 60, 4, 252, 56, 3, 252, 4, 9, 252, 4, 10
+};
 
-/* All else that is constant, in one table. */
+/* All else that is constant, in one table, and where its parts begin. */
 #define BASE_LOW 0   /* the channels' base widths */
 #define BASE_HIGH 4
 #define SLOT_A 8   /* the pins that rise together in a slot */
@@ -32,11 +81,23 @@ const unsigned char SCRIPT[] = { 252, 0, 0, 252, 0, 1, 0, 252, 4, 2, 3, 252, 8, 
 #define FRAMES 20   /* of a step; 0 is 256 */
 #define SPEED_LOW 31   /* 65536ths of a step in a frame */
 #define SPEED_HIGH 42
-#define LAW 53   /* weights at each sixteenth of a step */
 #define TIMING_LAW 70   /* where its law begins; 255: straight, 254: at once, 252: no pulses */
-const unsigned char CONSTANT[] = { 168, 216, 222, 216, 5, 5, 4, 5, 0x01, 0x04, 0x00, 0x00, 150, 85, 178, 212, 0, 2, 0, 0, 50, 50, 24, 71, 25, 7, 5, 4, 6, 60, 1, 31, 31, 171, 155, 61, 146, 51, 0, 171, 68, 0, 5, 5, 10, 3, 10, 36, 51, 64, 42, 4, 0, 0, 1, 4, 13, 27, 46, 71, 99, 129, 158, 186, 211, 230, 244, 253, 255, 255, 255, 254, 254, 53, 254, 255, 255, 255, 255, 53, 254 };
+const unsigned char CONSTANT[] = {
+    168, 216, 222, 216,   /* BASE_LOW */
+    5, 5, 4, 5,   /* BASE_HIGH */
+    0x01, 0x04, 0x00, 0x00,   /* SLOT_A */
+    150, 85, 178, 212,   /* SLOT_TICKS */
+    0, 2, 0, 0,   /* SLOT_CHANNEL */
+    50, 50, 24, 71, 25, 7, 5, 4, 6, 60, 1,   /* FRAMES */
+    31, 31, 171, 155, 61, 146, 51, 0, 171, 68, 0,   /* SPEED_LOW */
+    5, 5, 10, 3, 10, 36, 51, 64, 42, 4, 0,   /* SPEED_HIGH */
+    0, 1, 4, 13, 27, 46, 71, 99, 129, 158, 186, 211, 230, 244, 253, 255, 255,   /* laws: weights at each sixteenth of a step */
+    255, 254, 254, 53, 254, 255, 255, 255, 255, 53, 254   /* TIMING_LAW */
+};
+#define NO_PULSES 252   /* a timing without a law */
+#define AT_ONCE 254
 
-unsigned char width_low[4], width_high[4];
+unsigned char width_low[CHANNELS], width_high[CHANNELS];
 
 /* The kernel's. */
 unsigned char pulse_a_lo, pulse_a_hi, pulse_b_lo, pulse_b_hi, mask_a, mask_b, both, port;
@@ -402,12 +463,12 @@ void make_widths(void)
 
     now = time;
     next = CONSTANT[TIMING_LAW + timing];
-    if (next < 252) {
+    if (next < NO_PULSES) {
         bits = time;
         weigh();
         now = value;
     }
-    for (channel = 0; channel < 4; channel++) {
+    for (channel = 0; channel < CHANNELS; channel++) {
         sign = 0;
         key = row + channel;
         next = next_row + channel;
@@ -421,8 +482,8 @@ void make_widths(void)
 /* The script's byte at its place, in timing. */
 void read_script(void)
 {
-    if (place == 44)
-        place = 7;
+    if (place == SCRIPT_END)
+        place = SCRIPT_LOOP;
     timing = SCRIPT[place];
     place++;
 }
@@ -432,17 +493,17 @@ void next_step(void)
 {
     read_script();
     row = next_row;
-    next_row += 4;
-    if (timing == 252) {
+    next_row += COLUMNS;
+    if (timing == TO_ROW) {
         read_script();
         next_row = timing;
         read_script();
     }
-    if ((CONSTANT[TIMING_LAW + timing] | 2) == 254)
-        row = next_row;   /* at once */
+    if ((CONSTANT[TIMING_LAW + timing] | (AT_ONCE ^ NO_PULSES)) == AT_ONCE)   /* one of the two */
+        row = next_row;
     frames = CONSTANT[FRAMES + timing];
     time = 0;
-    time_low = 128;
+    time_low = HALF;
 }
 
 /* To the first step. */
@@ -473,11 +534,11 @@ void play(void)
 {
     unsigned char slot, at;
 
-    for (slot = 0; slot < 4; slot++) {
+    for (slot = 0; slot < SLOTS; slot++) {
         at = CONSTANT[SLOT_CHANNEL + slot];
         mask_a = CONSTANT[SLOT_A + slot];
         mask_b = mask_a << 1;
-        port = 0x06;
+        port = 0x06;   /* the address of PORTB */
         ahead = CONSTANT[SLOT_TICKS + slot];
         target += ahead;
         both = mask_a | mask_b;

@@ -18,7 +18,9 @@ asm __config 0x3FF1
  * Of each servo in turn, low bytes and high bytes: the width of position 0, 256ths of cycles for each position more,
  * the neutral pose; its bit among the servos, its pin.
  */
-const unsigned char FACTS[] = { 232, 87, 226, 3, 4, 4, 240, 16, 248, 3, 3, 1, 220, 220, 220, 5, 5, 5, 1, 2, 4, 1, 2, 4 };
+const unsigned char FACTS[] = {
+    232, 87, 226, 3, 4, 4, 240, 16, 248, 3, 3, 1, 220, 220, 220, 5, 5, 5, 1, 2, 4, 1, 2, 4
+};
 
 /* Where each servo is, where it goes, by how much a frame at most (0: at once). */
 unsigned char width_low[3], width_high[3], goal_low[3], goal_high[3], speed[3];

@@ -23,7 +23,11 @@ asm __config 0x3FF1
  * Of each servo in turn, low bytes and high bytes: the width of position 0, 256ths of cycles for each position more,
  * the neutral pose; its bit among the servos, its pin.
  */
-const unsigned char FACTS[] = { 232, 232, 232, 232, 232, 232, 232, 232, 3, 3, 3, 3, 3, 3, 3, 3, 240, 240, 240, 240, 240, 240, 240, 240, 3, 3, 3, 3, 3, 3, 3, 3, 220, 220, 220, 220, 220, 220, 220, 220, 5, 5, 5, 5, 5, 5, 5, 5, 1, 2, 4, 8, 16, 32, 64, 128, 1, 2, 4, 8, 16, 32, 64, 128 };
+const unsigned char FACTS[] = {
+    232, 232, 232, 232, 232, 232, 232, 232, 3, 3, 3, 3, 3, 3, 3, 3, 240, 240, 240, 240, 240,
+    240, 240, 240, 3, 3, 3, 3, 3, 3, 3, 3, 220, 220, 220, 220, 220, 220, 220, 220, 5, 5, 5, 5,
+    5, 5, 5, 5, 1, 2, 4, 8, 16, 32, 64, 128, 1, 2, 4, 8, 16, 32, 64, 128
+};
 
 /* Where each servo is, where it goes, by how much a frame at most (0: at once). */
 unsigned char width_low[8], width_high[8], goal_low[8], goal_high[8], speed[8];

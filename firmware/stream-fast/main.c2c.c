@@ -21,7 +21,11 @@ asm __config 0x3FF2
  * Of each servo in turn, low bytes and high bytes: the width of position 0, 256ths of cycles for each position more,
  * the neutral pose; its bit among the servos, its pin.
  */
-const unsigned char FACTS[] = { 136, 136, 136, 136, 136, 136, 19, 19, 19, 19, 19, 19, 175, 175, 175, 175, 175, 175, 19, 19, 19, 19, 19, 19, 76, 76, 76, 76, 76, 76, 29, 29, 29, 29, 29, 29, 1, 2, 4, 8, 16, 32, 1, 2, 4, 8, 16, 32 };
+const unsigned char FACTS[] = {
+    136, 136, 136, 136, 136, 136, 19, 19, 19, 19, 19, 19, 175, 175, 175, 175, 175, 175, 19,
+    19, 19, 19, 19, 19, 76, 76, 76, 76, 76, 76, 29, 29, 29, 29, 29, 29, 1, 2, 4, 8, 16, 32, 1,
+    2, 4, 8, 16, 32
+};
 
 /* Where each servo is, where it goes, by how much a frame at most (0: at once). */
 unsigned char width_low[6], width_high[6], goal_low[6], goal_high[6], speed[6];

@@ -83,9 +83,16 @@ NUMBERS_WIDTH = 90
 """The characters in a line of numbers."""
 
 
-def wrapped(values: Iterable[object]) -> list[str]:
-    """Return the numbers of a table in lines, without the comma that follows the last one."""
-    return wrap(", ".join(map(str, values)), NUMBERS_WIDTH)
+def table_lines(groups: Iterable[tuple[Iterable[object], str]]) -> list[str]:
+    """Return the lines of a table: groups of numbers, with a comment behind the first line of each."""
+    lines: list[tuple[str, str]] = []
+    for values, comment in groups:
+        first, *rest = wrap(", ".join(map(str, values)) + ",", NUMBERS_WIDTH)
+        lines += [(first, f"   /* {comment} */" if comment else ""), *((line, "") for line in rest)]
+    return [
+        (text if number < len(lines) else text[:-1]) + comment
+        for number, (text, comment) in enumerate(lines, 1)
+    ]
 
 
 DIALECTS = ("c2c", "xc8", "sdcc")

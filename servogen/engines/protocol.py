@@ -58,6 +58,10 @@ class MovedEnd(Protocol):
     def kind(self) -> str:
         """Return "foot" or "tool"."""
 
+    @property
+    def columns(self) -> tuple[int, ...]:
+        """Return the servos of its joints."""
+
     def points(self, angles: Floats) -> Floats:
         """Return where it is (n, 3), in metres, at the angles (n, servos) of all servos."""
 

@@ -5,12 +5,14 @@ tests/test_firmware.py builds the same jobs; this is what only the engines decid
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from servogen.compiler import Options, Source, compile_sources
+from servogen.engines.parts import part_texts
 from servogen.engines.player.engine import play
 from servogen.engines.player.rendering import render_player
 from servogen.engines.stored_script import in_flash
@@ -43,7 +45,9 @@ def test_a_player_s_c_is_the_committed_one(name: str) -> None:
     _, played, _ = play(job)
     stored = in_flash(played.encoded.script.data)
     for dialect in DIALECTS:
-        text = render_player(played, stored, job.buttons, dialect, job.device, job.name)
+        text = render_player(
+            played, stored, job.buttons, dialect, job.device, job.name, parts=part_texts(job)
+        )
         assert text == committed(name, f"main.{dialect}.c")
     assert replace(played.plan.schedule, device=job.device.name).json_text() == planned_schedule(name)
 
@@ -80,3 +84,34 @@ def test_each_assembly_of_the_c_for_xc8_selects_bank_0_first(name: str) -> None:
     ]
     assert firsts
     assert all(line.startswith('    asm("bcf STATUS, 5");') for line in firsts)
+
+
+NAMES = sorted(path.parent.name for path in (ROOT / "firmware").glob("*/main.c2c.c"))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_each_macro_is_used_and_hides_no_other_name(name: str) -> None:
+    """A reader who searches for a name finds one thing."""
+    for dialect in DIALECTS:
+        code = re.sub(r"/\*.*?\*/|//[^\n]*", "", committed(name, f"main.{dialect}.c"), flags=re.DOTALL)
+        macros = re.findall(r"^#define (\w+)", code, flags=re.MULTILINE)
+        unused = {macro for macro in macros if len(re.findall(rf"\b{macro}\b", code)) < 2}
+        assert unused <= {"_XTAL_FREQ"}  # the name from which XC8's delays take the clock
+        declared = re.findall(r"unsigned (?:char|int) ([^;(){}]+)", code)
+        names = {each.split("[")[0].strip() for group in declared for each in group.split(",")}
+        assert not names & set(macros)
+
+
+def test_a_walk_s_c_says_feet_angles_and_widths_of_the_same_part() -> None:
+    """The lift's joint is at 150° where the foot is highest, in both programs' comments and in the job."""
+    text = " ".join(committed("hexapod-tripod", "main.xc8.c").split(" */\n")[0].split())
+    part = text.split("segment 1 (forward_mm = 40)")[1].replace(" *", "")
+    job = plan_job(load(ROOT / "jobs" / "hexapod-tripod.toml"))
+    for end in job.ends:
+        feet = end.points(job.trajectory.angles)
+        height = f"{1000 * feet[:, 2].min():.4g} to {1000 * feet[:, 2].max():.4g} mm"
+        assert f"{end.name} " in part and height in part.split(f" {end.name} ")[1]
+        turn = next(servo for servo in job.servos if servo.name == f"{end.name}-turn")
+        angles = job.trajectory.angles[:, job.servos.index(turn)]
+        widths = [round(turn.width_us(angle)) for angle in (angles.min(), angles.max())]
+        assert f"deg: {widths[0]} to {widths[1]} us" in part.split(f"{end.name}-turn ")[1][:60]

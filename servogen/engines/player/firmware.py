@@ -17,6 +17,7 @@ from servogen.engines.fitting import compiled_to_fit
 from servogen.engines.inputs import given
 from servogen.engines.inputs.buttons import ControlButtons
 from servogen.engines.inputs.wire import FrameWire
+from servogen.engines.parts import part_texts
 from servogen.engines.player import Playing, SlotLayout
 from servogen.engines.player.rendering import OVERRUN, render_player
 from servogen.engines.player.theorem import allowances
@@ -43,10 +44,11 @@ def compiled(job: EngineJob, played: Playing, dialect: str) -> Firmware:
     """
     script = played.encoded.script.data
     buttons = given(job.inputs, ControlButtons) or ControlButtons()
+    parts = tuple(part_texts(job))
 
     def with_script(stored: Stored) -> Firmware:
         wire = given(job.inputs, FrameWire)
-        text = render_player(played, stored, buttons, dialect, job.device, job.name, wire)
+        text = render_player(played, stored, buttons, dialect, job.device, job.name, wire, parts)
         return replace(firmware(text, job, played.layout, dialect), script=stored)
 
     try:

@@ -7,9 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import Protocol
 
-from servogen.engines.c_text import AsmLine, ChannelText, assembly, decimal, header_values, render_template
+from servogen.engines.c_text import (
+    AsmLine,
+    ChannelText,
+    assembly,
+    decimal,
+    header_values,
+    render_template,
+    table_lines,
+)
 from servogen.engines.inputs.buttons import PRESSED_FRAMES, ButtonPin, ControlButtons
 from servogen.engines.inputs.commands import (
     COMMAND_SHIFT,
@@ -94,6 +103,8 @@ class Slots:
     all: tuple[_Slot, ...]
     ports: tuple[str, ...]
     """The addresses of the ports, in the order in which slots use them."""
+    names: tuple[str, ...]
+    """Their letters."""
     first: int
     """The number of slots before those on the second port."""
 
@@ -108,7 +119,9 @@ class Slots:
             slots.append(_Slot(a, b, slot.ticks, places[0], places[-1]))
         used = [slot.port for slot in played.layout.slots if slot.channels]
         ports = tuple(f"0x{registers()[f'PORT{name}'].address:02X}" for name in dict.fromkeys(used))
-        return cls(tuple(slots), ports, used.count(used[0]) + played.layout.looking)
+        return cls(
+            tuple(slots), ports, tuple(dict.fromkeys(used)), used.count(used[0]) + played.layout.looking
+        )
 
     @property
     def b_follows(self) -> bool:
@@ -212,8 +225,11 @@ def render_player(
     device: Device,
     title: str,
     wire: FrameWire | None = None,
+    parts: Iterable[str] = (),
 ) -> str:
-    """Return the C file of `played` in `dialect`, with its script as `stored`. Raises RenderError."""
+    """Return the C file of `played` in `dialect`, with its script as `stored`; a comment says what its
+    `parts` do. Raises RenderError.
+    """
     schedule, encoded = played.plan.schedule, played.encoded
     legs, timings = encoded.legs, encoded.script.timings
     tick, clock, shifts = played.layout.tick, schedule.clock, encoded.scale.shifts
@@ -228,24 +244,23 @@ def render_player(
         "player/main.c.j2",
         **header_values(dialect, title, device, schedule),
         overrun=OVERRUN,
+        parts=[part.replace("*/", "* /") for part in parts],
         tick=tick,
         tick_us=decimal(clock.us(tick)),
         prescaler=f"0x{PRESCALER + TICKS.index(tick):02X}",
         step_us=" or ".join(decimal(clock.us(1 << shift)) for shift in sorted(set(shifts.tolist()))),
         channels=[_channel(played, channel) for channel in played.order],
         columns=columns,
-        rows=list(_rows(played)),
+        rows=table_lines(_row_groups(list(_rows(played)), columns)),
         legs=legs is not None,
         stand=legs.stand if legs else None,
         top=legs.lifted if legs else None,
         neutral=legs.neutral if legs else None,
         rising=encoded.script.third,
         **_chain(played.chain),
-        law=constants.place("LAW") if encoded.laws else None,
-        lift_law=constants.place("LAW") + ENTRIES if legs else None,
-        spot_law=constants.place("LAW") + 2 * ENTRIES if spots else None,
         spots=spots,
-        script=list(stored.flash),
+        script=table_lines([(stored.flash, "")]) if stored.flash else [],
+        flash_bytes=len(stored.flash),
         script_bytes=stored.size,
         eeprom=list(stored.eeprom),
         eeprom_first=stored.first,
@@ -262,11 +277,10 @@ def render_player(
         laws=bool(encoded.laws),
         slots=slots,
         base_high=high[0] if len(high) == 1 else None,
-        places=[(name, place, note) for name, place, note in constants.places],
-        constants=constants.data,
+        places=constants.named,
+        constants=table_lines(constants.groups),
         stay=STAY,
         silent=SILENT,
-        stay_bit=STAY ^ SILENT,
         stays=any(law in (STAY, SILENT) for law in laws),
         released=legs is not None and bool(encoded.silent.any()),
         silence=any(law == SILENT for law in laws),
@@ -331,19 +345,20 @@ def _chain(chain: DirectionPlaces | None) -> dict[str, object]:
 
 @dataclass(slots=True)
 class _Constants:
-    """Small tables combined into one, each with a name, a place and a description."""
+    """Small tables combined into one, each with a name and a description."""
 
-    data: list[int | str] = field(default_factory=list)
-    places: list[tuple[str, int, str]] = field(default_factory=list)
+    groups: list[tuple[list[int | str], str]] = field(default_factory=list)
+    """The numbers of each, and the comment beside them."""
+    named: list[tuple[str, int, str]] = field(default_factory=list)
+    """The names that the C uses, where they begin, and their description."""
 
-    def add(self, name: str, values: Iterable[int | str], note: str = "") -> None:
-        """Append a table."""
-        self.places.append((name, len(self.data), note))
-        self.data += values
-
-    def place(self, name: str) -> int:
-        """Return the index at which a table begins. Raises StopIteration for an unknown name."""
-        return next(place for existing, place, _ in self.places if existing == name)
+    def add(self, name: str, values: Iterable[int | str], note: str = "") -> int:
+        """Append a table and return the index at which it begins; its numbers alone if it has no name."""
+        begin = sum(len(group) for group, _ in self.groups)
+        if name:
+            self.named.append((name, begin, note))
+        self.groups.append(([*values], name or note))
+        return begin
 
 
 def _constants(played: Playing, slots: Slots) -> _Constants:
@@ -381,10 +396,19 @@ def _constants(played: Playing, slots: Slots) -> _Constants:
             )
         note = "for standing and each direction, where its start, its cycle and its stop begin, and its end"
         constants.add("PARTS", played.chain.places, note)
-    if encoded.laws:
-        constants.add("LAW", encoded.laws, "weights at each sixteenth of a step")
+    note, first = "weights at each sixteenth of a step", 0
+    if encoded.legs is not None:
+        laws = iter(encoded.laws)
+        for name, turned in (
+            ("LAW", note),
+            ("LIFT_LAW", "of lifting"),
+            ("SPOT_LAW", "of turning on the spot"),
+        ):
+            if part := list(islice(laws, ENTRIES)):
+                constants.add(name, part, turned)
+    elif encoded.laws:
+        first = constants.add("", encoded.laws, f"laws: {note}")
     if encoded.legs is None and any(timing.law != STRAIGHT for timing in timings):
-        first = constants.place("LAW") if encoded.laws else 0
         places = [timing.law + (first if timing.law < SILENT else 0) for timing in timings]
         note = f"where its law begins; {STRAIGHT}: straight, {STAY}: at once, {SILENT}: no pulses"
         constants.add("TIMING_LAW", places, note)
@@ -399,6 +423,15 @@ def _repeats(data: bytes) -> bool:
             return True
         place += 2 if data[place] == AT else 1
     return False
+
+
+def _row_groups(rows: list[int], columns: int) -> Iterator[tuple[list[int], str]]:
+    """Yield the rows of poses, each with its place; those of one byte together."""
+    if columns == 1:
+        yield rows, ""
+        return
+    for first in range(0, len(rows), columns):
+        yield rows[first : first + columns], str(first)
 
 
 def _rows(played: Playing) -> Iterator[int]:

@@ -11,9 +11,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import groupby
 
-import numpy as np
-
-from servogen.engines.c_text import ChannelText, decimal, header_values, render_template, wrapped
+from servogen.engines.c_text import ChannelText, decimal, header_values, render_template, table_lines
+from servogen.engines.parts import place_text
 from servogen.engines.protocol import EngineJob
 from servogen.engines.sequence.programs import (
     FrameEdges,
@@ -28,7 +27,6 @@ from servogen.engines.sequence.programs import (
 )
 from servogen.engines.sequence.tables import FIXED
 from servogen.engines.sequence.waits import CALLS
-from servogen.motion.trajectory import Floats
 from servogen.pic.device import Device
 from servogen.pulse import Pulse, PulseSchedule, Run
 from servogen.pulse.plan import PulsePlan
@@ -84,18 +82,11 @@ def comments_of(job: EngineJob, plan: PulsePlan) -> Comments:
         frame += run.frames
     poses = job.trajectory.angles[list(first.values())]
     places = [
-        [_place(end.kind if len(job.ends) == 1 else end.name, point) for point in end.points(poses)]
+        [place_text(end.kind if len(job.ends) == 1 else end.name, point[None]) for point in end.points(poses)]
         for end in job.ends
     ]
     texts = (", ".join(filter(None, ends)) for ends in zip(*places, strict=True))
     return Comments(angles, dict(zip(first, texts, strict=False)))
-
-
-def _place(name: str, point: Floats) -> str:
-    """Return a point in mm; empty where a servo has no pulse."""
-    if np.isnan(point).any():
-        return ""
-    return f"{name} {', '.join(f'{round(1000 * each, 2):z.8g}' for each in point.tolist())} mm"
 
 
 def render(
@@ -153,11 +144,11 @@ class _PositionText:
 
 @dataclass(frozen=True, slots=True)
 class _TableText:
-    """The table of a channel's widths: its name, and lines of numbers, each with a comment."""
+    """The table of a channel's widths: its name and its lines."""
 
     name: str
     channel: str
-    lines: tuple[tuple[str, str], ...]
+    lines: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,7 +220,7 @@ def _move(move: RowFunction, program: Sequence, dialect: str, comments: Comments
         _TableText(
             name,
             schedule.channels[channel].name,
-            tuple(_table_lines(_played(move, program), channel, schedule, comments)),
+            tuple(table_lines(_table_groups(_played(move, program), channel, schedule, comments))),
         )
         for channel, name in names.items()
     )
@@ -253,15 +244,13 @@ def _table_name(schedule: PulseSchedule, table: WidthTable, channel: int) -> str
     return f"{name}_width" if table.number == 1 else f"{name}_width_{table.number}"
 
 
-def _table_lines(
+def _table_groups(
     rows: list[tuple[Run, ...]], channel: int, schedule: PulseSchedule, comments: Comments
-) -> Iterator[tuple[str, str]]:
-    """Yield lines of a table and their comments: the angle of a hold, or the ends of a movement."""
+) -> Iterator[tuple[list[Cycles], str]]:
+    """Yield the widths of holds and of movements, with a comment: the angle of a hold, or the ends."""
     for piece in (piece for played in rows for piece in _pieces(played)):
         widths = [pulse.width for row in piece if (pulse := row.pulses[channel])]
-        lines = wrapped(widths)
-        yield lines[0], comments.part(schedule, piece, channel)
-        yield from ((line, "") for line in lines[1:])
+        yield widths, comments.part(schedule, piece, channel)
 
 
 HOLD = 4

@@ -8,7 +8,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from servogen.engines.c_text import ChannelText, assembly, decimal, header_values, render_template
+from servogen.engines.c_text import (
+    ChannelText,
+    assembly,
+    decimal,
+    header_values,
+    render_template,
+    table_lines,
+)
 from servogen.engines.stream.layout import RISE
 from servogen.engines.stream.protocol import TRIM_ZERO
 from servogen.engines.stream.streaming import Streaming
@@ -60,7 +67,7 @@ def render_stream(streamed: Streaming, dialect: str, device: Device, title: str)
         out=_out(stream.transmit_pin),
         answers=stream.transmit_pin is not None,
         two_ports=two_ports,
-        facts=_facts(streamed, two_ports),
+        facts=table_lines([(_facts(streamed, two_ports), "")]),
         everybody=_everybody(pins, two_ports),
         fail_safe=stream.fail_safe,
         silence_frames=streamed.silence_frames,

@@ -5,7 +5,15 @@ from __future__ import annotations
 from dataclasses import asdict
 
 from servogen.compiler import Options
-from servogen.engines.c_text import ChannelText, PortText, assembly, decimal, header_values, render_template
+from servogen.engines.c_text import (
+    ChannelText,
+    PortText,
+    assembly,
+    decimal,
+    header_values,
+    render_template,
+    table_lines,
+)
 from servogen.engines.firmware import Firmware
 from servogen.engines.fitting import compiled_to_fit
 from servogen.engines.inputs.tape import HOLD
@@ -83,7 +91,7 @@ def render_tape(made: Taped, dialect: str, device: Device, title: str) -> str:
         "identity": made.content.identity,
         "slots": slots,
         "places": [(name, sum(lengths[:number])) for number, name in enumerate(tables)],
-        "constants": [value for table in tables.values() for value in table],
+        "constants": table_lines((table, name) for name, table in tables.items()),
         "kernel": list(assembly(kernel(tick, made.layout.stagger))),
     }
     for part in ("start", "give", "take"):

@@ -740,12 +740,12 @@ def test_small_tables_are_one_with_a_place_for_each() -> None:
     constants = _Constants()
     constants.add("A", [1, 2, 3], "first")
     constants.add("B", ["0x10"])
-    constants.add("C", iter((7, 8)), "last")
-    assert constants.data == [1, 2, 3, "0x10", 7, 8]
-    assert constants.places == [("A", 0, "first"), ("B", 3, ""), ("C", 4, "last")]
-    assert constants.place("C") == 4
-    with pytest.raises(StopIteration):
-        constants.place("D")
+    assert constants.add("", [9], "without a name") == 4
+    assert constants.add("C", iter((7, 8)), "last") == 5
+    assert constants.groups == [
+        ([1, 2, 3], "A"), (["0x10"], "B"), ([9], "without a name"), ([7, 8], "C")
+    ]  # fmt: skip
+    assert constants.named == [("A", 0, "first"), ("B", 3, ""), ("C", 5, "last")]
 
 
 def test_a_pad_is_turns_of_three_cycles_and_the_rest() -> None:
@@ -786,7 +786,10 @@ def test_a_program_too_large_for_flash_is_tried_once_more(monkeypatch: pytest.Mo
     played: Any = SimpleNamespace(
         encoded=SimpleNamespace(script=SimpleNamespace(data=bytes(100))), order=range(12), layout=None
     )
-    job: Any = SimpleNamespace(inputs=(), device=None, name="x")
+    still = SimpleNamespace(angles=np.zeros((1, 12)), period=20_000)
+    job: Any = SimpleNamespace(
+        inputs=(), device=None, name="x", trajectory=still, clock=CLOCK, parts=(), directions=(), ends=()
+    )
     tried: list[Stored] = []
     needed: dict[str, object] = {}
 
