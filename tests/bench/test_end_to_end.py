@@ -39,7 +39,7 @@ def seen(run: Run, bench: Bench, schedule: Path, where: Path) -> dict[str, objec
 @pytest.mark.campaign
 @picpro
 def test_a_program_with_a_pulse_of_two_microseconds_more_is_caught(run: Run, tmp_path: Path) -> None:
-    folder, old, new = HEXAPOD, "ROW[] = {\n    95, 95, 95, 75,", "ROW[] = {\n    97, 95, 95, 75,"  # a leg's lift
+    folder, old, new = HEXAPOD, "ROW[] = {\n    95, 95, 95, 75,", "ROW[] = {\n    97, 95, 95, 75,"
     text = (folder / "main.c2c.c").read_text()
     assert old in text
     source = Source(text.replace(old, new, 1), "wrong.c")
