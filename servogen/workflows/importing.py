@@ -23,6 +23,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from servogen.engines.firmware import ResourceError
+from servogen.engines.inputs import given
+from servogen.engines.inputs.tape import Tape
 from servogen.engines.player.playing import DATA_BYTES, ideal_widths
 from servogen.engines.player.poses import reduce_to_moves
 from servogen.engines.player.script import MAX_BYTES
@@ -56,6 +58,9 @@ FINER = 3
 
 SCRIPT_BYTES, SHARES = 2, (1.0, 0.75, 0.5, 0.25)
 """Bytes of a pose beside its angles; the shares of the poses that usually fit that are tried."""
+
+TAPE_SHARE = 16
+"""The part of a cycle within which the poses of a tape are."""
 
 US_PER_UNIT = {"us": 1.0, "pca9685": 20_000 / 4096}
 """The µs in a unit of pulse widths; a PCA9685 counts 4096 steps in a frame of 50 Hz."""
@@ -408,12 +413,14 @@ def imported(
     """
     job = loads(with_poses(text, ["{ hold_s = 1 }"], False, file), file)
     motion = in_servos(recording, job, named)
-    tolerance_us = job.firmware.max_error_us / 2
+    tape = given(job.inputs, Tape) is not None
+    # A tape holds every frame: only the rounding to cycles is left.
+    tolerance_us = float(job.clock.cycle_us) / TAPE_SHARE if tape else job.firmware.max_error_us / 2
     for _ in range(FINER):
         progress("reducing")
         poses = poses_text(motion, job, tolerance_us)
         made = with_poses(text, poses, repeat, file)
-        if job.stream is None and len(poses) * len(job.servos) > 2 * MAX_BYTES:
+        if job.stream is None and not tape and len(poses) * len(job.servos) > 2 * MAX_BYTES:
             raise _too_long(motion, text, poses, file, "its poses are more than any engine holds", progress)
         asked = plan_job(loads(made, file))
         try:

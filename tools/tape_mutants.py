@@ -1,0 +1,181 @@
+"""Does anything notice a wrong byte of a tape, or a wrong word of its reader?
+
+    python tools/tape_mutants.py build/dance --count 300
+
+Half of the mutants are a byte of `tape.bin` each, drawn from every class of bytes in turn (identity, kind,
+width, sum, end); the other half a word of the reader, one bit changed. Each runs beside the original.
+
+A tape's mutant is found by the reader, which ends in its safe state after nothing but right pulses, or only
+by the comparison with the schedule. A word's mutant is found if some pin differs in one of four runs: with
+the tape, with one that has a wrong width, with one of another identity, and with no EEPROM. Exit code 1 if a
+byte is found by neither; words that change nothing in these runs are listed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from servogen.edges import EdgeTrace, join
+from servogen.engines.board import machine_of
+from servogen.engines.tape.content import END, FIRST, FULL, KINDS, SILENT, STEP
+from servogen.pic.image import Image
+from servogen.pic.isa import decode
+from servogen.programs import Program, read_program, read_schedule
+from servogen.pulse import PulseSchedule
+from servogen.pulse.expected import expected
+from servogen.units import Cycles
+from servogen.workflows.verification import judge_edges, motion_cycles
+
+READER = ("start", "give", "take", "fail", "seek", "check", "read_record", "step")
+BEYOND_FRAMES = 40
+"""The frames after the motion, so that the way back to the loop is run."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The edges of all pins but the bus, and what the EEPROM's data sheet has against a run."""
+
+    edges: bytes
+    remarks: tuple[str, ...]
+
+
+def run(schedule: PulseSchedule, image: Image, cycles: int) -> Outcome:
+    machine = machine_of(schedule, image)
+    others = expected(schedule).others
+    trace = EdgeTrace(schedule.clock, (machine.run(cycles),), Cycles(cycles)).without(others)
+    edges = join(trace.chunks)
+    remarks = tuple(remark.message for device in machine.devices for _, remark in device.remarks)
+    return Outcome(b"".join(column.tobytes() for column in edges), remarks)
+
+
+def with_content(schedule: PulseSchedule, content: bytes) -> PulseSchedule:
+    assert schedule.tape is not None
+    return replace(schedule, tape=replace(schedule.tape, content=content))
+
+
+def classes(data: bytes, servos: int) -> dict[str, list[int]]:
+    """Return the addresses of the bytes of each class."""
+    found: dict[str, list[int]] = {
+        "identity": [0, 1],
+        "kind": [],
+        "step": [],
+        "full": [],
+        "sum": [],
+        "end": [],
+    }
+    at = FIRST
+    while data[at] != END:
+        length, name = {STEP: (servos, "step"), FULL: (2 * servos, "full"), SILENT: (0, "step")}[
+            data[at] & KINDS
+        ]
+        found["kind"].append(at)
+        found[name] += range(at + 1, at + 1 + length)
+        found["sum"].append(at + 1 + length)
+        at += length + 2
+    found["end"] = [at, at + 1]
+    return found
+
+
+def tape_mutants(data: bytes, servos: int, count: int, rng: random.Random) -> Iterator[tuple[str, bytes]]:
+    kinds = classes(data, servos)
+    for number in range(count):
+        name = list(kinds)[number % len(kinds)]
+        at = rng.choice(kinds[name])
+        yield name, data[:at] + bytes([data[at] ^ rng.randrange(1, 256)]) + data[at + 1 :]
+
+
+def judge_tape(schedule: PulseSchedule, image: Image, data: bytes, lost: int) -> str:
+    """Return how a wrong tape is found: "reader", "comparison" or "NOT FOUND"."""
+    wrong = with_content(schedule, data)
+    span = Cycles(motion_cycles(schedule) + BEYOND_FRAMES * schedule.period)
+    machine = machine_of(wrong, image, tracked=True)
+    cycles = schedule.run_cycles(span)
+    trace = EdgeTrace(schedule.clock, (machine.run(cycles),), Cycles(cycles))
+    if judge_edges(schedule, trace, span).passed:
+        return "NOT FOUND"
+    told = machine.ram[lost - 0x0C]
+    # Of a motion that is released the pulses so far are the plan's: a difference is a pulse that is missing.
+    edges = join(trace.without(expected(schedule).others).chunks)
+    if told and len(edges.cycle):
+        end = Cycles(int(edges.cycle[edges.level == 0].max()) + 1)
+        whole = EdgeTrace(schedule.clock, (machine_of(schedule, image).run(cycles),), Cycles(cycles))
+        right = join(whole.without(expected(schedule).others).until(end).chunks)
+        mine = join(EdgeTrace(schedule.clock, (edges,), Cycles(cycles)).until(end).chunks)
+        same = len(right.cycle) == len(mine.cycle) and all(
+            (one == other).all() for one, other in zip(right, mine, strict=True)
+        )
+        return "reader" if same else "comparison"
+    return "reader" if told else "comparison"
+
+
+def word_mutants(program: Program, count: int, rng: random.Random) -> Iterator[tuple[int, Image]]:
+    assert program.listing is not None
+    starts = sorted(function.start for function in program.listing.functions)
+    words = sorted(program.image.program)
+    spans = []
+    for function in program.listing.functions:
+        if function.name in READER:
+            after = [start for start in starts if start > function.start]
+            end = after[0] if after else words[-1] + 1
+            spans += [address for address in words if function.start <= address < end]
+    for _ in range(count):
+        address = rng.choice(spans)
+        changed = dict(program.image.program)
+        changed[address] ^= 1 << rng.randrange(14)
+        yield address, replace(program.image, program=changed)
+
+
+def named(word: int) -> str:
+    """Return a word as an instruction."""
+    decoded = decode(word)
+    return "no instruction" if decoded is None else f"{decoded.instruction.mnemonic} {word & 0x3FF:03X}"
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("folder", type=Path, help='a build of a job with on_error = "release"')
+    parser.add_argument("--count", type=int, default=300)
+    parser.add_argument("--seed", type=int, default=1)
+    given = parser.parse_args()
+    schedule = read_schedule(given.folder / "schedule.json")
+    program = read_program(given.folder / "main.c2c.c", schedule.device)
+    if schedule.tape is None or program.listing is None:
+        parser.error(f"{given.folder} is no build of a tape")
+    data, servos, rng = schedule.tape.content, len(schedule.channels), random.Random(given.seed)
+    lost = program.listing.variable("lost")
+    assert lost is not None
+    counts: Counter[tuple[str, str]] = Counter()
+    for name, mutant in tape_mutants(data, servos, given.count - given.count // 2, rng):
+        counts[name, judge_tape(schedule, program.image, mutant, lost)] += 1
+    cycles = schedule.run_cycles(motion_cycles(schedule) + BEYOND_FRAMES * schedule.period)
+    width = FIRST + 1 + 2 * servos // 2
+    boards = [
+        schedule,
+        with_content(schedule, data[:width] + bytes([data[width] ^ 4]) + data[width + 1 :]),
+        with_content(schedule, bytes([data[0] ^ 1]) + data[1:]),
+        replace(schedule, tape=None),
+    ]
+    right = [run(board, program.image, cycles) for board in boards]
+    survivors = []
+    for address, image in word_mutants(program, given.count // 2, rng):
+        found = any(run(board, image, cycles) != wanted for board, wanted in zip(boards, right, strict=True))
+        counts["reader's word", "run" if found else "NOT FOUND"] += 1
+        if not found:
+            survivors.append((address, program.image.program[address], image.program[address]))
+    for (name, how), number in sorted(counts.items()):
+        print(f"{name:14} {how:12} {number:4}")
+    for address, word, other in survivors:
+        print(f"0x{address:03X}: 0x{word:04X} {named(word)} as 0x{other:04X} {named(other)}: the same pins")
+    return int(any(how == "NOT FOUND" and name != "reader's word" for name, how in counts))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
