@@ -12,7 +12,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 
-from servogen.errors import Diagnostic
+from servogen.errors import Diagnostic, InputError
 from servogen.job.drives import drive_of
 from servogen.job.job import Job, NamedPose, PlannedJob
 from servogen.job.poses import poses_of
@@ -26,7 +26,7 @@ from servogen.motion.limits import JointLimits
 from servogen.motion.loads import check_torque
 from servogen.motion.torque import TorqueLimits
 from servogen.motion.trajectory import MAX_FRAMES, Floats
-from servogen.robot.servo import Servo
+from servogen.robot.servo import TRAVEL, Servo
 from servogen.toml import file as toml_file
 from servogen.units import Clock, Cycles
 
@@ -237,8 +237,35 @@ def _check_travel(job: Job, section: Section | None, angles: Floats) -> None:
     place = job.document.place(_key(section) if section else "motion")
     for servo, column in zip(job.servos, angles.T, strict=True):
         if not np.isnan(column).all():
-            for angle in (float(np.nanmin(column)), float(np.nanmax(column))):
-                servo.check(angle, place)
+            ends = float(np.nanmin(column)), float(np.nanmax(column))
+            try:
+                for angle in ends:
+                    servo.check(angle, place)
+            except InputError as error:
+                if not isinstance(section, WalkTable):
+                    raise
+                # The legs' joints are within their own limits: it is the servo's travel that ends.
+                first = error.first
+                raise InputError(first.code, first.message, place, _travel_hint(servo, ends)) from error
+
+
+def _travel_hint(servo: Servo, used: tuple[float, float]) -> str:
+    """Return what mends a walk beyond a servo's travel: another tooth of its spline, or less motion."""
+    spans = [
+        servo.model.travel,
+        servo.calibration.angles,
+        *([servo.limits] if servo.limited_by == TRAVEL else []),
+    ]
+    needed, travel = math.degrees(used[1] - used[0]), math.degrees(min(high - low for low, high in spans))
+    if needed <= travel:
+        return (
+            f"the {needed:.0f}° that it moves are within its travel if its horn is put on another tooth: "
+            "servogen plan JOB --fit writes zero_deg"
+        )
+    return (
+        f"it would move {needed:.0f}° of {travel:.0f}°: shorten the stride or the turn, lift the feet less, "
+        f"or change the body's height; {TRAVEL}"
+    )
 
 
 def _check_soft_start(job: Job, planned: PlannedPoses) -> None:

@@ -202,8 +202,9 @@ def _stances(leg: TwoJointLeg, arm: Arm, mount: Mount, height: float, posture: P
     """Return the stances of one leg, within its joint's limits if there are any, the asked sign first."""
     foot = -height - mount.z
     try:
-        lifts = list(zip(leg.lifts_at(foot), leg.lifts_at(foot + posture.lift), strict=True))
-    except (InputError, ValueError) as error:
+        # The outer lift may have no inner one at one of the two heights.
+        lifts = list(zip(leg.lifts_at(foot), leg.lifts_at(foot + posture.lift), strict=False))
+    except InputError as error:
         stands, lift = (f"{1000 * length:g} mm" for length in (-foot, posture.lift))
         low, high = (f"{1000 * -height:.4g}" for height in reversed(leg.heights))
         raise InputError(

@@ -23,6 +23,9 @@ from numpy.typing import NDArray
 
 from servogen.errors import InputError, Location
 
+TRAVEL = "the servo's travel_deg, min_deg, max_deg and calibration points set it"
+"""What limits a servo that no joint limits further."""
+
 TOLERANCE_RAD = 1e-9
 """Angles up to this far outside a limit are accepted, because degrees in files are not exact in radians."""
 
@@ -203,7 +206,7 @@ class Servo:
     trim_us: float = 0.0
     reverse: bool = False
     place: Location | None = None
-    limited_by: str = "the servo's travel_deg, min_deg, max_deg and calibration points set it"
+    limited_by: str = TRAVEL
     """What sets the limits, for messages."""
 
     @property

@@ -1,6 +1,7 @@
 """The limits of a robot's joints hold for every way to command the servos that turn them."""
 
 import math
+import re
 from pathlib import Path
 from threading import Event
 
@@ -13,7 +14,8 @@ from servogen.drive.steering import Rates, steering_of
 from servogen.drive.sweep import positions
 from servogen.engines.stream.protocol import travel
 from servogen.errors import InputError
-from servogen.job import PlannedJob, load, plan_job
+from servogen.job import PlannedJob, load, loads, plan_job
+from servogen.job.starter import template
 from servogen.watch.editing import Editor
 from servogen.watch.subject import Setting
 from tests.job.test_robot_jobs import changed
@@ -134,3 +136,18 @@ def test_a_continuous_joint_turns_wherever_its_servo_does(tmp_path: Path) -> Non
     (tmp_path / "job.toml").write_text(text)
     job = plan_job(load(tmp_path / "job.toml"))
     assert np.degrees([pose.angles for pose in job.poses]) == pytest.approx(np.array([[80, 90], [100, 90]]))
+
+
+@pytest.mark.parametrize(
+    ("facts", "advice"),
+    [
+        pytest.param("zero_deg = 175", "servogen plan JOB --fit writes zero_deg", id="a horn turned"),
+        pytest.param("min_deg = 89\nmax_deg = 91", "shorten the stride or the turn", id="too little travel"),
+    ],
+)
+def test_a_walk_beyond_a_servo_s_travel_is_told_what_mends_it(facts: str, advice: str) -> None:
+    text = re.sub(r'(joint = "L1_hip"[^\n]*\n)', rf"\1{facts}\n", template("hexapod-hip-lift"), count=1)
+    assert facts in text
+    with pytest.raises(InputError, match="cannot go to") as error:
+        plan_job(loads(text, "walk.toml"))
+    assert error.value.hint is not None and advice in error.value.hint

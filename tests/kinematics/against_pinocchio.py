@@ -2,7 +2,7 @@
 
 `python -m tests.kinematics.against_pinocchio [POSES]` prints, for each kind, the largest differences in the
 foot's place (m), its Jacobian (m, rad), the torques of gravity and of a force at the foot (N·m), and of the
-inverse solutions: the foot that pinocchio has for each of them (m).
+inverse solutions: the foot that pinocchio has for each of them (m), and the poses without all four of them.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def differences(kind: str, poses: int, wrong: float = 0.0) -> dict[str, float]:
     femur.
     """
     chance = np.random.default_rng(2026)
-    worst = dict.fromkeys(("foot", "jacobian", "gravity", "force", "inverse"), 0.0)
+    worst = dict.fromkeys(("foot", "jacobian", "gravity", "force", "inverse", "missing"), 0.0)
     for _ in range(-(-poses // 10)):
         leg, (lengths, masses) = drawn(kind, chance)
         model, data, foot = model_of(kind, lengths | {"femur": lengths["femur"] + wrong}, masses)
@@ -95,6 +95,8 @@ def differences(kind: str, poses: int, wrong: float = 0.0) -> dict[str, float]:
                     pin.framesForwardKinematics(model, data, each)
                     back.append(data.oMf[foot].translation - place)
             found["inverse"] = np.array(back)
+            # Both turns of the hip, each with two lifts or knees; beside a singular pose two of them are one.
+            worst["missing"] += len(back) != 4
             for what, difference in found.items():
                 worst[what] = max(worst[what], float(np.abs(difference).max()))
     return worst

@@ -20,6 +20,7 @@ from servogen.kinematics.jacobian import jacobian
 from servogen.kinematics.leg_kinds import LEG_KINDS
 from servogen.kinematics.protocol import BodyMotion, Posture
 from servogen.kinematics.serial_legs import CoxaFemurTibia, HipLift
+from servogen.kinematics.stance import CircleStance
 from servogen.robot.model import Arm
 from servogen.toml import file as toml_file
 
@@ -221,3 +222,16 @@ def test_pinocchio_has_the_same_foot_jacobian_and_torques(kind: str) -> None:
 
     assert max(differences(kind, POSES).values()) <= 1e-9
     assert max(differences(kind, 5, wrong=1e-6).values()) > 1e-8, "a femur that is 1 µm longer is seen"
+
+
+def test_a_rigid_leg_stands_although_its_raised_foot_has_no_second_lift() -> None:
+    """At 75 mm both lifts are before the hip, at 47 mm only the outer one: 67 + 6 - 81.5 mm is behind it."""
+    example = robot("hexapod-hip-lift")
+    assert isinstance(example, Hexapod)
+    leg = example.leg.with_lengths(coxa=0.067, femur=0.032, tibia=0.083)
+    stance = replace(example, leg=leg).stance(Posture(body_height=0.075, lift=0.028), [])
+    assert isinstance(stance, CircleStance)
+    lifts = HipLift.of(leg.length)
+    assert [len(lifts.lifts_at(-height)) for height in (0.075, 0.047)] == [2, 1]
+    heights = [lifts.fk(0.0, (each.lift, each.raised))[:, 2] for each in stance.legs]
+    assert np.array(heights) == pytest.approx(np.tile([-0.075, -0.047], (6, 1)), abs=1e-9)

@@ -158,10 +158,11 @@ def main() -> None:
     )
     parser.add_argument("--lines", type=int, default=12)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--arm", choices=ARMS)
     parser.add_argument("--without-torque", action="store_true")
     given = parser.parse_args()
     toppra.setup_logging("ERROR")
-    for name in ARMS:
+    for name in [given.arm] if given.arm else ARMS:
         random, robot, lines = np.random.default_rng(given.seed), loaded(name), Lines()
         for _ in range(given.lines):
             lines.compare(robot, random, not given.without_torque)
