@@ -50,7 +50,7 @@ BACK_SNAPSHOTS = 500
 NEAR = 3
 """The cycles per instruction by which a step back first goes back."""
 NO_LINE = -1
-STRIDE_S = 1
+STRIDE_S = Fraction(1)
 """The simulated time of a step on the way to a far moment."""
 FAR = 3
 """The number of loops from which on a way is far."""
@@ -109,10 +109,12 @@ class TimeMachine:
         listing: Listing | None = None,
         loop: int | None = None,
         machine: Machine | None = None,
+        stride_s: Fraction = STRIDE_S,
     ) -> None:
         """Power up the chip; `loop` is the number of cycles after which its program may do the same again.
 
         `machine` is one at power-up that is not alone: `image`, `options` and `stimulus` are its own.
+        `stride_s` is the simulated time of a step on the way to a far moment.
         """
         self.clock = clock
         self.listing = listing
@@ -122,7 +124,7 @@ class TimeMachine:
         self._spacing = clock.round_seconds(SPACING_S)
         self._coarse = int(self._spacing)
         self._recent = clock.round_seconds(RECENT_S)
-        self._stride = clock.round_seconds(STRIDE_S)
+        self._stride = clock.round_seconds(stride_s)
         self._loop = loop
         self.repetition: Repetition | None = None
         """The repetition that was found last, or one that another machine found without inputs."""
@@ -383,7 +385,7 @@ class TimeMachine:
         """
         if self._leap(cycle) or not self._loop:
             return
-        length = self._loop * max(1, self._stride // self._loop)
+        length = self._loop * max(1, self.clock.round_seconds(STRIDE_S) // self._loop)
         seen: dict[bytes, int] = {}
         moments: list[tuple[int, Snapshot]] = []
         while self._undisturbed(cycle) - self.now > FAR * length and len(moments) < LOOPS:

@@ -65,6 +65,8 @@ FAR_S = 60
 """The simulated time from which on a way waits until it is known what the program does again and again."""
 MAX_REPETITION_S = 7200
 """The simulated time in which a program's state has to come back."""
+LEARNING_S = Fraction(20)
+"""The simulated time of a step while that is looked for: the longer, the less processor time it takes."""
 EDGE_S = 10
 """The simulated time in which the next edge is searched."""
 MAX_EDGES = 20_000
@@ -815,7 +817,10 @@ def repetition_of(subject: Subject) -> Repetition | None:
     if subject.image is None or loop is None:
         return None
     chip = TimeMachine(
-        subject.image, subject.clock, subject.options, subject.stimuli, loop=loop, machine=subject.powered()
+        *(subject.image, subject.clock, subject.options, subject.stimuli),
+        loop=loop,
+        machine=subject.powered(),
+        stride_s=LEARNING_S,
     )
     for _ in chip.going(int(subject.clock.round_seconds(MAX_CYCLE_S))):
         if chip.repetition is not None or chip.now > subject.clock.round_seconds(MAX_REPETITION_S):

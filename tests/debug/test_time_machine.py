@@ -477,6 +477,21 @@ def test_a_program_is_run_until_its_state_has_come_back() -> None:
     assert steps[REPEATING] < 30 < 100 < steps[COUNTING]
 
 
+def test_longer_steps_find_the_same_repetition() -> None:
+    """A loop of 6 s, after 16 of which the count to 256 is where it was, in six steps each or in one."""
+    found = {}
+    for stride_s in (1, 20):
+        chip = TimeMachine(image(COUNTING), CLOCK, loop=6_000_000, stride_s=Fraction(stride_s))
+        steps = sum(chip.repetition is None for _ in chip.going(600 * 10**6))
+        assert chip.repetition is not None
+        found[stride_s] = (
+            steps // 6 if stride_s == 1 else steps,
+            chip.repetition.begin,
+            chip.repetition.length,
+        )
+    assert found[1] == found[20] == (17, 6_000_000, 96_000_000)
+
+
 def test_no_way_goes_over_an_input() -> None:
     """RA0 high sets RB1 in the loop; the change lies in the middle of a long way that is gone again."""
     source = REPEATING.replace("    nop\n", "    btfsc PORTA, 0\n    bsf PORTB, 1\n")
