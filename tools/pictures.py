@@ -27,6 +27,11 @@ SLOW = {
     "twin-turn.gif": ["firmware/hexapod-turn/main.hex", "jobs/hexapod-turn.toml"],
     "twin-turn.png": ["firmware/hexapod-turn/main.hex", "jobs/hexapod-turn.toml"],
     "walk-on-command.png": ["firmware/hexapod-command/main.hex", "docs/pictures/command.py"],
+    "two-chips.png": [
+        "docs/examples/two-chips/hexapod-eighteen.toml",
+        "servogen/report/pair.py",
+        "templates/pair.html.j2",
+    ],
     "report.png": ["firmware/lab8-exercise/report.txt", "templates/report.html.j2"],
     **{
         f"watch-{name}.png": ["docs/pictures/watch.py", *files]

@@ -17,11 +17,12 @@ from servogen.cli.options import (
 )
 from servogen.cli.show import as_json, next_step, status
 from servogen.errors import InputError, Location
-from servogen.job import load, plan_job
+from servogen.job import PlannedJob, load, plan_job
 from servogen.outputs import write_text
 from servogen.plan_error import plan_text
 from servogen.traces.channels import wires_of
 from servogen.verify import capture_lines
+from servogen.workflows.pair import build_pair, pair_html
 from servogen.workflows.reporting import page_of
 
 
@@ -62,6 +63,8 @@ def report(
             raise InputError("conflicting-options", text, Location(str(job), key=key))
     loaded = plan_job(load(job))
     target = output or Path(f"{loaded.name}.html")
+    if loaded.chips:
+        raise typer.Exit(_report_pair(loaded, target, recording.capture is not None or twin, json))
     with status(f"{loaded.name}: planning") as tell:
         page = page_of(
             loaded,
@@ -94,3 +97,19 @@ def report(
         page.twin is None or page.twin.passed
     )
     raise typer.Exit(0 if right and (page.programs_exact or page.not_built) else 1)
+
+
+def _report_pair(job: PlannedJob, target: Path, more: bool, json: bool) -> int:
+    """Build both chips of a job, write their page and return the exit code."""
+    if more:
+        message = "the page of two chips shows their wiring and programs, no capture and no twin"
+        hint = "servogen verify CAPTURE --against build/JOB; servogen twin JOB.toml"
+        raise InputError("chip-pair", message, job.document.place("chip"), hint)
+    with status(f"{job.name}: planning") as tell:
+        result = build_pair(job, lambda step: tell(f"{job.name}: {step}"))
+    write_text(target, pair_html(result))
+    if json:
+        as_json({"file": str(target), **result.to_json()}, job.warnings)
+    else:
+        print(f"{target}: both chips {'exact' if result.exact else 'NOT EXACT'} in one run")
+    return 0 if result.exact else 1

@@ -117,7 +117,7 @@ def _values(facts: PageFacts) -> dict[str, object]:
         "chip": f"{job.device.name}, {job.clock.hz / 1e6:g} MHz crystal ({oscillator_for(job.clock.hz)}); "
         f"one instruction cycle is {float(job.clock.cycle_us):g} µs",
         "pins": package(job.servos),
-        "wiring": tuple(_wiring(job)),
+        "wiring": tuple(wiring_rows(job)),
         "remarks": tuple(_ohm(line) for line in (*open_drain(job), *remarks(job))),
         "angles": angle_chart(job, schedule),
         "widths": width_chart(schedule),
@@ -181,7 +181,8 @@ def _ohm(text: str) -> str:
     return text.replace("kOhm", "kΩ")
 
 
-def _wiring(job: PlannedJob) -> Iterator[tuple[str, ...]]:
+def wiring_rows(job: PlannedJob) -> Iterator[tuple[str, ...]]:
+    """Yield the wires of a job: pin, name, where it goes, and of a servo its model, pulses and trim."""
     for wire in wires(job):
         use, servo = _ohm(wire.use), wire.servo
         if servo is None:

@@ -28,6 +28,7 @@ from servogen.pic.image import Image
 from servogen.plan_error import plan_text
 from servogen.programs import BUILT_PROGRAM, BUILT_SCHEDULE, PAIR_FOLDERS, read_program, read_schedule
 from servogen.pulse import PulseSchedule
+from servogen.report.pair import PairFacts, pair_page
 from servogen.simulator import Levels, Machine, Stimuli
 from servogen.simulator.sources import SignalSource
 from servogen.units import Cycles
@@ -98,7 +99,12 @@ class PairBuild:
     def lines(self, folder: Path) -> list[str]:
         """Return what a terminal shows: the verdicts, the words, and where the rest is."""
         verdicts = [f"{dialect}: {verdict.summary()}" for dialect, verdict in self.verdicts.items()]
-        return [*verdicts, *self.programs(), f"wiring and every servo: {folder / 'report.txt'}", ONE_RUN]
+        return [
+            *verdicts,
+            *self.programs(),
+            f"wiring and every servo: {folder / 'report.html'}, report.txt",
+            ONE_RUN,
+        ]
 
     def programs(self) -> list[str]:
         """Return the size of each chip's programs, and how far its schedule is from the plan."""
@@ -286,6 +292,28 @@ def write_pair(result: PairBuild, folder: Path) -> None:
     for name, build in zip(PAIR_FOLDERS, result.chips, strict=True):
         write(build, folder / name)
     write_text(folder / "report.txt", pair_report(result))
+    write_text(folder / "report.html", pair_html(result))
+
+
+def pair_html(result: PairBuild) -> str:
+    """Return the page about a pair: the wiring of both chips, and the verdicts."""
+    first, second = result.chips
+    words = [
+        {each.firmware.dialect: str(each.image.words) for each in chip.programs} for chip in (first, second)
+    ]
+    return pair_page(
+        PairFacts(
+            result.job.name,
+            (first.job, second.job),
+            result.exact,
+            [f"{dialect}: {verdict.summary()}" for dialect, verdict in result.verdicts.items()],
+            [
+                (dialect, words[0][dialect], words[1][dialect], "exact" if verdict.exact else "NOT exact")
+                for dialect, verdict in result.verdicts.items()
+            ],
+            ONE_RUN,
+        )
+    )
 
 
 def pair_report(result: PairBuild) -> str:

@@ -1,0 +1,158 @@
+"""One page about two chips: how both are wired, drawn and in tables, and what one run of both showed.
+
+In: the jobs of both chips, the verdicts in words. Out: a self-contained HTML page. Lines leave a pin beside
+its label; the clock goes over the second chip, the wire under both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from jinja2 import Environment, StrictUndefined, TemplateError
+
+from servogen.engines.c_text import RenderError
+from servogen.engines.inputs import given
+from servogen.engines.inputs.wire import FrameWire
+from servogen.errors import InputError, Location
+from servogen.job import PlannedJob
+from servogen.report.html import wiring_rows
+from servogen.report.wiring import PackagePin, open_drain, package, remarks
+from servogen.template_files import template_folder
+
+TEMPLATE = "pair.html.j2"
+AT, WIDTH, BELOW = (170, 640), 96, 50
+"""Where the bodies of the chips begin, how wide they are, and how far the pins are below those of a package
+that is drawn alone.
+"""
+CLOCK_Y, WIRE_Y = 20, 340
+LETTER, BESIDE = 7.2, 26
+"""The width of a letter of a label, and where the first one is, from the body."""
+LEFT, RIGHT = (16, 500), (480, 960)
+"""Where a line of each chip goes up or down, beside its labels."""
+FIXED = {"VDD": "VDD +5 V", "VSS": "VSS ground", "MCLR": "MCLR 10 kΩ to VDD"}
+
+
+@dataclass(frozen=True, slots=True)
+class PairFacts:
+    """Everything on the page: the rows of `programs` are dialect, words of both, the verdict on one run."""
+
+    title: str
+    jobs: tuple[PlannedJob, PlannedJob]
+    exact: bool
+    verdicts: Sequence[str]
+    programs: Sequence[tuple[str, ...]]
+    one_run: str
+
+
+def pair_page(facts: PairFacts) -> str:
+    """Return the page. Raises RenderError if the template is wrong."""
+    environment = Environment(
+        undefined=StrictUndefined, autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+    try:
+        template = environment.from_string((template_folder() / TEMPLATE).read_text("utf-8"))
+        return template.render(_values(facts))
+    except TemplateError as error:
+        message = error.message or "the template is wrong"
+        raise RenderError("internal-error", message, Location(TEMPLATE)) from error
+
+
+def _values(facts: PairFacts) -> dict[str, object]:
+    first, second = facts.jobs
+    ends = [_wire_of(job) for job in facts.jobs]
+    pins = [_pins(job, end) for job, end in zip(facts.jobs, ends, strict=True)]
+    crystal = _beside(0, pins[0]["OSC1"])
+    both = replace(first, servos=(*first.servos, *second.servos))
+    return {
+        "title": facts.title,
+        "exact": facts.exact,
+        "chips": [
+            {
+                "name": f"chip {1 + number}",
+                "x": AT[number],
+                "pins": pins[number].values(),
+                "wiring": tuple(wiring_rows(job)),
+            }
+            for number, job in enumerate(facts.jobs)
+        ],
+        "clock": _clock(pins),
+        "crystal": {
+            "path": f"M{crystal[0]} {crystal[1]} h24 v26 h-24",
+            "x": crystal[0] + 24,
+            "y": crystal[1] + 13,
+            "text": f"{first.clock.hz / 1e6:g} MHz, 2 × 22 pF",
+        },
+        "wire": _wire(pins, ends),
+        "remarks": [
+            "One supply and one ground for both chips, 100 nF at each VDD, the crystal's 22 pF to ground; "
+            "the ground is also that of the servos' supply.",
+            *(line for job in facts.jobs for line in open_drain(job)),
+            *remarks(both),
+        ],
+        "verdicts": facts.verdicts,
+        "programs": facts.programs,
+        "one_run": facts.one_run,
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class _Leg:
+    """A pin in the drawing, with all that is written beside it."""
+
+    number: int
+    text: str
+    servo: str
+    colour: str
+    y: int
+    left: bool
+
+
+def _wire_of(job: PlannedJob) -> FrameWire:
+    end = given(job.inputs, FrameWire)
+    if end is None:
+        raise InputError("chip-pair", f"{job.name} has no wire to another chip")
+    return end
+
+
+def _pins(job: PlannedJob, end: FrameWire) -> Mapping[str, _Leg]:
+    """Return the pins of a chip by name."""
+
+    def text(pin: PackagePin) -> str:
+        if pin.name == end.pin and end.follows:
+            return f"{pin.name} wire"
+        return f"{pin.name} {pin.servo}" if pin.servo else FIXED.get(pin.name, pin.name)
+
+    return {
+        pin.name: _Leg(pin.number, text(pin), pin.servo, pin.colour, pin.y + BELOW, pin.left)
+        for pin in package(job.servos)
+    }
+
+
+def _beside(number: int, leg: _Leg) -> tuple[float, float]:
+    """Return the point beside a pin's label, from which a line goes on."""
+    away = BESIDE + LETTER * len(leg.text)
+    return (AT[number] - away if leg.left else AT[number] + WIDTH + away), leg.y
+
+
+def _clock(pins: Sequence[Mapping[str, _Leg]]) -> dict[str, object]:
+    x, y = _beside(0, pins[0]["OSC2"])
+    end, down = _beside(1, pins[1]["OSC1"])
+    path = f"M{x} {y} H{RIGHT[0]} V{CLOCK_Y} H{RIGHT[1]} V{down} H{end}"
+    return {"path": path, "text_x": RIGHT[0] + 8}
+
+
+def _wire(pins: Sequence[Mapping[str, _Leg]], ends: Sequence[FrameWire]) -> dict[str, object]:
+    points = [_beside(number, pins[number][end.pin]) for number, end in enumerate(ends)]
+    turns = [
+        (LEFT if pins[number][end.pin].left else RIGHT)[number] - (6 if number else 0)
+        for number, end in enumerate(ends)
+    ]
+    (x, y), (other, up) = points
+    path = f"M{x} {y} H{turns[0]} V{WIRE_Y} H{turns[1]} V{up} H{other}"
+    return {
+        "path": path,
+        "text": f"the wire: {ends[0].pin} of chip 1 to {ends[1].pin} of chip 2",
+        "text_x": min(turns) + 8,
+        "pull": 560,
+    }
