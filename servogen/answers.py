@@ -517,10 +517,27 @@ class PairBuildFacts(TypedDict):
     pairs: Annotated[dict[str, PairVerdictAnswer], "The verdict on both, by dialect."]
 
 
+class PairProofFacts(TypedDict):
+    """What is proven of two chips, and of both together."""
+
+    answer: Annotated[str, '"proven", or why it is not.']
+    proven: Annotated[bool, "Whether it is proven and checked."]
+    misfits: Annotated[list[str], "Why what is proven of each makes no theorem about both."]
+    second_begins_late_cycles: Annotated[int | None, "By how much the second chip may begin later."]
+    chips: Annotated[list[str], "What is proven of each."]
+
+
+class PairProofAnswer(PairProofFacts):
+    """`prove` of the job or the build of two chips."""
+
+    file: Annotated[str, "The job, or the folder of the build."]
+
+
 class PairBuildAnswer(PairBuildFacts):
     """`build` of a job of two chips."""
 
     folder: Annotated[str, "What it wrote to."]
+    proofs: NotRequired[Annotated[dict[str, PairProofFacts], "With `--prove`: what is proven, by dialect."]]
 
 
 class DemoAnswer(TypedDict):
@@ -725,6 +742,7 @@ class CheckedAnswer(TypedDict):
     forks: Annotated[int, "Ways that were split."]
     over: Annotated[list[str], "What the theorem is over."]
     restrictions: Annotated[list[str], "The pins for whose held level alone it was checked."]
+    silence: Annotated[int | None, "Cycles from a reset to the first pulse, at least; none if no run has one."]
 
 
 class CounterexampleAnswer(TypedDict):

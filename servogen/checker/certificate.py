@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from servogen.checker import chip, layout
-from servogen.checker.plan import PINS, Place
+from servogen.checker.plan import AWAITED, PINS, Place
 from servogen.errors import InputError, Location
 from servogen.pic.image import Image
 
@@ -40,6 +40,8 @@ NUMBERS = {**{row.name: (row.slot, row.reset) for row in layout.REGISTERS if not
            "frame": (FRAME_NUMBER, 1 << 30), "place": (PLACE, MAX_STATES),
            **{f"stack{level}": (layout.STACK + level, 0x3FF) for level in range(8)}}  # fmt: skip
 """Columns of numbers, with the largest ones."""
+LEAST = {"frame": AWAITED, "time": -(1 << 30)}
+"""The least ones, of those that may be negative: a frame that follows a wire's rise begins before time 0."""
 KEYS = {"format": int, "image": str, "schedule": str, "clock_hz": int, "held": dict,
         "assumptions": list, "cuts": list, "count": int, "places": list, "columns": dict}  # fmt: skip
 
@@ -98,7 +100,7 @@ def _certificate(data: dict[str, Any]) -> Certificate:
         slot, largest = NUMBERS.get(name) or CELLS[name]
         values = _column(name, column, count)
         mask, phased = (values >> 8 & 0xFF, values >> 16) if name in CELLS else (0 * values, 0 * values)
-        wrong = (values < -(name == "frame")) | (values > (0x1FFFF if name in CELLS else largest))
+        wrong = (values < LEAST.get(name, 0)) | (values > (0x1FFFF if name in CELLS else largest))
         wrong |= values & mask != 0 if name in CELLS else False
         wrong |= (mask & ~largest != 0) | (phased & ((mask != 0) | (name not in FREE)) != 0)
         if wrong.any():

@@ -24,7 +24,8 @@ import numpy as np
 
 from servogen.checker import chip, layout
 from servogen.checker.certificate import FRAME_NUMBER, PLACE, WIDTH, Certificate, fingerprint
-from servogen.checker.plan import OVER, PINS, UNCOMMANDED, Place, Plan, PlanPosition, read_plan
+from servogen.checker.plan import AWAITED, OVER, PINS, UNCOMMANDED, Place, Plan, PlanPosition, read_plan
+from servogen.checker.wire import LEVELS, WireReads
 from servogen.pic.image import Image
 from servogen.units import Clock
 
@@ -85,6 +86,8 @@ class Checked:
     """What the theorem is quantified over."""
     restrictions: tuple[str, ...] = ()
     """The pins for whose held level alone it was checked."""
+    silence: int | None = None
+    """The cycles from a reset to the first pulse, at least; None where no run comes to one by itself."""
 
 
 class Checker:
@@ -124,6 +127,7 @@ class Checker:
         self._listed: list[tuple[Ints, dict[bytes | None, int]]] = []
         self._states = self._started(self._known(certificate))
         self._frames = self._cycles = self._run = self._runs = self._forks = 0
+        self._silence: int | None = None
 
     def check(self) -> Checked:
         """Run from power-up and from each listed state. Raises Refused."""
@@ -133,7 +137,8 @@ class Checker:
         for group in np.split(order, changes):
             for first in range(0, len(group), ROWS):
                 self._follow(self._states[group[first : first + ROWS]])
-        return Checked(len(order), self._frames, self._cycles, self._forks, self._over())
+        counts = len(order), self._frames, self._cycles, self._forks
+        return Checked(*counts, self._over(), silence=self._silence)
 
     def _over(self) -> tuple[str, ...]:
         """Return what all runs together are about."""
@@ -160,7 +165,9 @@ class Checker:
     def _known(self, certificate: Certificate) -> Ints:
         """Return the listed states with their places numbered, once they can be found. Raises Refused."""
         rows, parts = np.pad(certificate.states, ((0, 0), (0, COLUMNS - WIDTH))), self._plan.parts
-        over = rows[:, FRAME_NUMBER] < 0
+        over, awaits = rows[:, FRAME_NUMBER] == OVER.frame, rows[:, FRAME_NUMBER] == AWAITED
+        if awaits.any() and not self._plan.wire:
+            raise Refused("the schedule has no wire of another chip")
         for place in certificate.places:
             same = [*map(type, place.memory)] == [*map(type, self._plan.inputs.power_up)]
             if not same or (parts and not 0 <= place.memory[0] < len(parts)):
@@ -169,7 +176,7 @@ class Checker:
             raise Refused("the schedule has fewer frames than the listed states")
         numbers = np.array([*map(self._number, certificate.places), 0])
         rows[:, PLACE] = np.where(over, self._number(Place(OVER.memory)), numbers[rows[:, PLACE]])
-        rows[:, layout.STAGE] = np.where(over, layout.OVER, layout.RUNS)
+        rows[:, layout.STAGE] = np.select([over, awaits], [layout.OVER, layout.AWAITS], layout.RUNS)
         rows[over, layout.TIME] = 0
         rows[:, layout.CHOSEN] = layout.UNKNOWN
         rows[:, ORIGIN] = np.arange(len(rows))
@@ -203,9 +210,9 @@ class Checker:
         s[layout.RAM : layout.RAM_END] = s[layout.CHOSEN] = layout.UNKNOWN
         for row in layout.REGISTERS:
             s[row.slot] = row.reset
-        frame, memory = self._plan.first
+        frame, memory = self._plan.start
         s[[FRAME_NUMBER, PLACE, ORIGIN]] = frame, self._number(Place(memory)), -1
-        s[DUE] = self._plan.run_of(self._plan.first)
+        s[DUE] = self._plan.run_of(self._plan.start)
         return s[None]
 
     def _number(self, place: Place) -> int:
@@ -227,6 +234,8 @@ class Checker:
                     why == layout.TOO_LONG and rows[0, layout.CYCLE] < self._board.limit
                 ):
                     stopped.append(rows)
+                elif why == layout.BUTTON and self._plan.wire:
+                    stopped += self._reads(self._new(rows, why), self._plan.wire)
                 elif why in (layout.FORK, layout.BUTTON):
                     stopped += self._both(rows, why)
                 elif why in (layout.MAY_INTERRUPT, layout.MAY_BE_WRITTEN, layout.SLEEPS):
@@ -252,6 +261,9 @@ class Checker:
         decide = np.flatnonzero(ALWAYS | (used & layout.READ != 0))
         alike = (states[:, decide] == states[0, decide]).all(axis=1)
         rows, others = states[alike], states[~alike]
+        if states[0, layout.STAGE] == layout.BEFORE and s[layout.STAGE] == layout.RUNS:
+            first = int(s[layout.CYCLE] - s[layout.TIME] + edge_at[0])
+            self._silence = first if self._silence is None else min(first, self._silence)
         cycles = int(s[layout.CYCLE] - rows[0, layout.CYCLE])
         self._run += cycles
         self._runs += 1
@@ -299,6 +311,42 @@ class Checker:
                     raise _refused(row, "an input is read again")
         return both
 
+    def _reads(self, rows: Ints, wire: WireReads) -> list[Ints]:
+        """Return the rows once the wire is read as 0, and as 1. Raises Refused."""
+        self._forks += len(rows)
+        ways = [rows, rows.copy()]
+        for level, its in enumerate(ways):
+            for row in its:
+                bit = int(row[layout.ASKED_BITS])
+                row[layout.CHOSEN] = row[layout.CHOSEN] & ~(bit << 8) | bit * level
+                self._read(row, wire, level)
+        return ways
+
+    def _read(self, row: Ints, wire: WireReads, level: int) -> None:
+        """Let a chip read the wire at a level. Raises Refused."""
+        memory, stage, time = self._places[row[PLACE]].memory, row[layout.STAGE], int(row[layout.TIME])
+        if stage == layout.OVER:
+            return
+        if stage == layout.BEFORE:  # so far since power-up
+            row[layout.STAGE], time = layout.AWAITS, int(row[layout.CYCLE])
+        try:
+            step = wire.looks if stage == layout.RUNS else wire.awaits
+            found = step(memory, level, time)
+        except (ValueError, IndexError) as error:
+            raise _refused(row, str(error)) from None
+        if found is None:
+            return
+        sampled = (found.memory[4] == len(LEVELS)) << wire.pin
+        row[PLACE] = self._number(Place(found.memory, 0, sampled))
+        if found.restarts:
+            row[[layout.STAGE, layout.TIME, layout.EDGE, FRAME_NUMBER]] = layout.AWAITS, 0, 0, AWAITED
+            row[DUE] = self._plan.run_of(OVER)
+        elif found.begins:
+            first = self._plan.first
+            row[[layout.STAGE, layout.EDGE, FRAME_NUMBER]] = layout.RUNS, 0, first.frame
+            row[layout.TIME] = wire.look + len(LEVELS) - 1 - wire.period
+            row[DUE] = self._plan.run_of(first)
+
     def _new(self, rows: Ints, why: int) -> Ints:
         """Return the rows whose states did not stop yet for this reason: a program that waits for what comes
         by itself need not come to a cut. Before the first pulse, which must come, every state is new.
@@ -307,10 +355,12 @@ class Checker:
         """
         rows = np.unique(rows, axis=0)
         states = rows.copy()
-        states[:, SAYS_NOTHING] = 0
+        states[:, [*SAYS_NOTHING, *[layout.AGE] * (not self._board.watchdog)]] = 0
         new = np.ones(len(rows), dtype=bool)
+        # The ways of the frames end at cuts, or because they are compared; those that await a wire may turn.
+        waits = [layout.BEFORE, layout.RUNS] if why == layout.BUTTON else [layout.BEFORE]
         for number, state in enumerate(states):
-            if state[layout.STAGE] != layout.BEFORE and chip.at_rest(state):
+            if state[layout.STAGE] not in waits and chip.at_rest(state):
                 key = why.to_bytes() + hashlib.sha256(state.tobytes()).digest()
                 new[number] = key not in self._followed
                 self._followed.add(key)
@@ -332,6 +382,8 @@ class Checker:
     def _rest(self, rows: Ints) -> None:
         """Let nothing be due any more in rows that sleep. Raises Refused if a pulse is due."""
         for row in rows:
+            if row[layout.STAGE] == layout.AWAITS:
+                raise _refused(row, "SLEEP while the wire is awaited")
             if row[layout.STAGE] == layout.BEFORE:
                 if not self._board.watchdog:
                     raise _refused(row, "SLEEP before the first pulse, and nothing has to end it")
@@ -370,7 +422,10 @@ def _place_of(row: Ints) -> str:
     """Return where a chip is: cycle, state, address, frame, pins."""
     frame = f"frame {row[FRAME_NUMBER]}, cycle {row[layout.TIME]}"
     if row[layout.STAGE] != layout.RUNS:
-        frame = "before the first pulse" if row[layout.STAGE] == layout.BEFORE else "after the last pulse"
+        frame = {
+            layout.BEFORE: "before the first pulse",
+            layout.AWAITS: f"awaiting the wire, cycle {row[layout.TIME]}",
+        }.get(int(row[layout.STAGE]), "after the last pulse")
     origin = "power-up" if row[ORIGIN] < 0 else f"state {row[ORIGIN]}"
     levels = (row[layout.PORTA] | row[layout.PORTA] >> 8) & 0x1F | (
         row[layout.PORTB] | row[layout.PORTB] >> 8

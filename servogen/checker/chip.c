@@ -157,7 +157,7 @@ void tick(i64 *s)
 {
     s[CYCLE]++;
     s[AGE]++;
-    s[TIME] += s[STAGE] == RUNS;
+    s[TIME] += s[STAGE] == RUNS || s[STAGE] == AWAITS;
     s[DARK] += s[DARK] > 0;
     s[KEY_1] -= s[KEY_1] > 0;
     s[KEY_2] -= s[KEY_2] > 0;
@@ -605,7 +605,8 @@ i64 run(i64 *s, i64 *used, const Edges *edges, const Memory *memory, const Board
             return reason;
         const i64 *row = memory->code[s[PC]];
         bool may_come = s[INTCON] & GIE && doubtful(s);
-        if (row[IS_CUT] && s[CYCLE] > 0 && s[STAGE] != BEFORE && at_rest(s) && !may_come)
+        bool begun = s[CYCLE] > 0 && s[STAGE] != BEFORE && s[CHOSEN] == UNKNOWN;
+        if (row[IS_CUT] && begun && at_rest(s) && !may_come)
             return CUT;
         reason = row[FLOW] == NO_FLOW ? NO_WORD
             : row[FLOW] == SLEEP      ? sleep(s, board)

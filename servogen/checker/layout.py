@@ -36,8 +36,10 @@ OPTION, TRISA, TRISB, EECON1, EECON2 = 0x51, 0x55, 0x56, 0x58, 0x59
  STACK) = range(0x60, 0x75)  # fmt: skip
 SLOTS = STACK + 8
 UNKNOWN = 0xFF00
-BEFORE, RUNS, OVER = range(3)
-"""`STAGE`: before the first pulse; frames follow one another; no pulse will follow."""
+BEFORE, RUNS, OVER, AWAITS = range(4)
+"""`STAGE`: before the first pulse; frames follow one another; no pulse will follow; the wire of another chip
+is awaited, without pulses.
+"""
 IS_NOP, NOTHING, ENDLESS = 4, 0x100, 0x200
 """`WAY`: a flag, which is set now; shifted left by `IS_NOP`, one with which SLEEP is a NOP, or which
 interrupts a cycle later; or no flag: nothing happens, but that the watchdog ends SLEEP; SLEEP does not end.

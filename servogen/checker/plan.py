@@ -16,6 +16,7 @@ from typing import Any, ClassVar, NamedTuple, cast
 import numpy as np
 import numpy.typing as npt
 
+from servogen.checker.wire import WireReads
 from servogen.errors import InputError, Location
 
 Ints = npt.NDArray[np.int64]
@@ -33,6 +34,8 @@ class PlanPosition(NamedTuple):
 
 OVER = PlanPosition(-1, ())
 """No pulse will follow, whatever happens."""
+AWAITED = -2
+"""The frame of a program without pulses that awaits the wire of another chip."""
 
 
 class Place(NamedTuple):
@@ -191,7 +194,7 @@ class Plan:
     """The frame after the loop."""
     buttons: int
     """The pins that are read once in each frame, as a word."""
-    inputs: StartStop | Line | StepButton | DirectionButtons
+    inputs: StartStop | Line | StepButton | DirectionButtons | WireReads
     parts: list[tuple[int, int, int, int]]
     """Of the stance and of each direction: the first frames of its start, cycle and stop, and the frame
     after; empty if none is commanded.
@@ -210,6 +213,16 @@ class Plan:
         inputs = self.inputs
         return inputs.frames - 1 if isinstance(inputs, StartStop) and inputs.start else 0
 
+    @property
+    def wire(self) -> WireReads | None:
+        """Return the wire of another chip that the program follows; None if it follows none."""
+        return self.inputs if isinstance(self.inputs, WireReads) else None
+
+    @cached_property
+    def start(self) -> PlanPosition:
+        """Return the position at power-up: no pulse is due before a wire has risen."""
+        return PlanPosition(AWAITED, self.wire.power_up) if self.wire else self.first
+
     @cached_property
     def first(self) -> PlanPosition:
         """Return the position at the first pulse."""
@@ -227,13 +240,15 @@ class Plan:
 
     def run_of(self, position: PlanPosition) -> int:
         """Return the number of the run of equal frames at `position`; one of no edges if no pulse is due."""
-        on = position != OVER and (not isinstance(self.inputs, StartStop) or position.memory[1])
+        on = position.frame >= 0 and (not isinstance(self.inputs, StartStop) or position.memory[1])
         return bisect_right(self.ends, position.frame) if on else len(self.ends)
 
     def following(self, frame: int, memory: Memory) -> PlanPosition:
         """Return the position of the frame after `frame`, with what is remembered at its end."""
         if self.parts:
             return PlanPosition(self._commanded(frame, memory[0]), memory)
+        if self.wire:
+            return PlanPosition(frame + 1 if frame + 1 < self.loop_end else self.loop, self.wire.plays)
         inputs = cast(StartStop, self.inputs)
         running, on, _, stopped = memory
         if inputs.start and inputs.off and stopped == inputs.frames:
@@ -283,7 +298,8 @@ def _plan(data: dict[str, Any]) -> Plan:
     parts = [data["lead_in"], data["loop"]]
     parts += [direction[part] for direction in directions for part in ("start", "cycle", "stop")]
     lengths = [sum(_number(run["frames"], 1) for run in part) for part in parts]
-    if not all(lengths[1:]) or len(set(pins)) < len(pins) or (commands and data.get("buttons")):
+    steered = [key for key in ("commands", "buttons", "wire") if data.get(key)]
+    if not all(lengths[1:]) or len(set(pins)) < len(pins) or len(steered) > 1:
         raise ValueError("it needs frames in the loop and in all directions, and a pin for each channel")
     if len(set(buttons)) < len(buttons):
         raise ValueError("the inputs need different pins")
@@ -302,7 +318,11 @@ def _plan(data: dict[str, Any]) -> Plan:
         loop=loop,
         loop_end=end,
         buttons=sum(buttons),
-        inputs=_commands(commands) if commands else _start_stop(data.get("buttons")),
+        inputs=_commands(commands)
+        if commands
+        else _wire(data["wire"], edges, period)
+        if data.get("wire")
+        else _start_stop(data.get("buttons")),
         parts=[(loop, end, end, end), *zip(first[:-1:3], turns[::3], turns[1::3], turns[2::3], strict=True)]
         if commands
         else [],
@@ -315,6 +335,8 @@ def _plan(data: dict[str, Any]) -> Plan:
 def _inputs(data: dict[str, Any]) -> list[dict[str, Any]]:
     """Return what has a pin among the buttons, or the directions, or the line."""
     commands, buttons = data.get("commands"), data.get("buttons") or {}
+    if data.get("wire"):
+        return [data["wire"]]
     if commands:
         return [commands] if "pin" in commands else commands["directions"]
     return [buttons[name] for name in ("start", "stop") if buttons.get(name)]
@@ -358,6 +380,15 @@ def _commands(data: dict[str, Any]) -> Line | StepButton | DirectionButtons:
     rest = str(_number(data["rest_level"], 0, 1))
     rest_frames, stop_frames = (_number(data[name], 1, 99) for name in ("rest_frames", "stop_frames"))
     return Line(PINS.index(data["pin"]), rest, rest_frames, stop_frames, codes)
+
+
+def _wire(data: dict[str, Any], edges: list[tuple[Ints, Ints]], period: int) -> WireReads:
+    first = next(int(cycles[0]) for cycles, _ in edges if len(cycles))
+    look = period + first - _number(data["cycles"], 1) - 1
+    if not all(2 < cycle < look for cycles, _ in edges for cycle in cycles[1:]):
+        raise ValueError("the wire is looked at between the pulses of two frames")
+    frames, quiet = _number(data["frames"], 1, 99), _number(data["quiet_cycles"], 1)
+    return WireReads(PINS.index(data["pin"]), period, frames, quiet, look)
 
 
 def _edges(pulses: list[Any], pins: list[int], period: int) -> tuple[Ints, Ints]:

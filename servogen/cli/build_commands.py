@@ -87,20 +87,19 @@ def build(
 
 def _build_pair(job: PlannedJob, folder: Path, prove: bool, json: bool) -> int:
     """Build both chips of a job and return the exit code."""
-    if prove:
-        message = "--prove is not decided for two chips: what the wire may do is not covered"
-        hint = f"servogen prove {folder / 'chip1/main.hex'} --against {folder / 'chip1/schedule.json'} is"
-        raise InputError("chip-pair", message, job.document.place("chip"), hint)
     with status(f"{job.name}: planning") as tell:
         result = build_pair(job, lambda step: tell(f"{job.name}: {step}"))
         write_pair(result, folder)
+        proofs = result.proofs() if prove else {}
     if json:
-        as_json({"folder": str(folder), **result.to_json()}, job.warnings)
+        proven = {"proofs": {dialect: proof.to_json() for dialect, proof in proofs.items()}} if prove else {}
+        as_json({"folder": str(folder), **result.to_json(), **proven}, job.warnings)
     else:
         print_lines(result.lines(folder))
-        print(f"next: servogen verify {folder}")
+        print_lines(f"{dialect}: {proof.summary()}" for dialect, proof in proofs.items())
+        print(f"next: servogen {'verify' if prove else 'prove'} {folder}")
     warn_of_all(job.warnings)
-    return 0 if result.exact else 1
+    return 0 if result.exact and all(proof.checked for proof in proofs.values()) else 1
 
 
 def demo(

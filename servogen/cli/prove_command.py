@@ -12,11 +12,22 @@ import typer
 from servogen.cli.contracts import ContractProofRequest, run_contract_proof
 from servogen.cli.files import read_program
 from servogen.cli.options import ClockHz, Json, OwnDevice
-from servogen.cli.schedule_proof import NOT_PROVEN, Claim, Over, check_complete, prove_schedule
+from servogen.cli.schedule_proof import (
+    NOT_PROVEN,
+    PROVEN,
+    Claim,
+    Over,
+    check_complete,
+    prove_schedule,
+)
 from servogen.cli.show import as_json, print_lines, status
 from servogen.errors import InputError, Location
+from servogen.job import load, plan_job
 from servogen.pic.analysis.facts import Answer, Facts, decided_and_fine
-from servogen.programs import clock_of
+from servogen.programs import clock_of, is_built_pair, is_job
+from servogen.prove.prover import MAX_STATES
+from servogen.workflows.pair import pair_texts, planned_pair, read_pair
+from servogen.workflows.pair_proof import prove_pair
 
 
 class Interrupts(StrEnum):
@@ -69,8 +80,8 @@ def prove(
 ) -> None:
     """Show what holds for every path of a program: stack, unwritten bytes, pins, dead code, watchdog, times.
 
-    With --against, prove that every edge is the schedule's for every power-up, input and chip, and have the
-    proof checked by an independent checker.
+    With --against, or of the job or build of two chips, prove that every edge is the schedule's for every
+    power-up, input and chip, and have the proof checked by an independent checker.
 
     Exit code 0: proven and checked, or decided and nothing found; 1: something was found or could not be
     decided, or the checker does not cover it.
@@ -84,6 +95,8 @@ def prove(
             )
         check_complete(claim, over)
         raise typer.Exit(prove_schedule(file, device, against, claim, over, json))
+    if is_built_pair(file) or (is_job(file) and load(file).chips):
+        raise typer.Exit(_prove_pair(file, claim, over, times, json))
     if claim != Claim(counterexample=claim.counterexample) or over != Over():
         raise InputError("conflicting-options", "this option needs --against")
     marks = _marks(times.start or [], times.end or [])
@@ -134,6 +147,38 @@ def _prove_contract(
         json=json,
     )
     return run_contract_proof(asked)
+
+
+def _prove_pair(file: Path, claim: Claim, over: Over, times: TimeOptions, json: bool) -> int:
+    """Prove both programs of a pair's job or build, print the answer and return the exit code."""
+    given = Claim(
+        counterexample=claim.counterexample,
+        accept_one_engine=claim.accept_one_engine,
+        max_states=claim.max_states,
+    )
+    if claim != given or over != Over() or times != TimeOptions():
+        raise InputError(
+            "conflicting-options",
+            "of two chips together, only --accept-one-engine, --max-states and --json",
+            Location(str(file)),
+            "for one of them, name its HEX file and --against its schedule.json",
+        )
+    with status("two chips: looking for every state, and checking"):
+        if file.is_dir():
+            schedules, images = read_pair(file)
+            texts = pair_texts(file)
+        else:
+            pair = planned_pair(plan_job(load(file)))
+            schedules = pair.schedules
+            first, second = (made.compilation.image for made in pair.firmware())
+            images = first, second
+            texts = schedules[0].json_text().encode(), schedules[1].json_text().encode()
+        proof = prove_pair(schedules, images, texts, claim.max_states or MAX_STATES)
+    if json:
+        as_json({"file": str(file), **proof.to_json()})
+    else:
+        print_lines(proof.lines())
+    return PROVEN if proof.checked or (proof.proven and claim.accept_one_engine) else NOT_PROVEN
 
 
 def _marks(starts: list[str], ends: list[str]) -> list[tuple[str, str]]:

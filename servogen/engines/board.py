@@ -22,8 +22,8 @@ from servogen.simulator import (
 )
 from servogen.simulator.sources import Periodic, SignalSource, pin_number
 
-WIRE_QUIET_S, WIRE_HIGH_US = Fraction(1, 4), Fraction(1500)
-"""When an ideal wire rises first, and for how long it is high in every frame."""
+WIRE_QUIET_FRAMES, WIRE_HIGH = 13, Fraction(1, 12)
+"""The frames in which an ideal wire is low at first, and the part of each later one in which it is high."""
 
 
 def machine_of(
@@ -63,15 +63,15 @@ def paired_machine(
 
 def inputs_of(schedule: PulseSchedule) -> Stimuli | None:
     """Return the levels at which a schedule's inputs are held from power-up on; its wire rises once a frame,
-    after `WIRE_QUIET_S`, as that of another chip does.
+    after `WIRE_QUIET_FRAMES`, as that of another chip does.
     """
     sources: list[SignalSource] = [
         Levels(pin_number(input_.pin), ((0, input_.level),)) for input_ in schedule.inputs
     ]
     if schedule.wire is not None:
-        period, high = Fraction(schedule.period), schedule.clock.round_us(WIRE_HIGH_US).cycles
-        start = Fraction(schedule.clock.round_seconds(WIRE_QUIET_S))
-        sources.append(Periodic(pin_number(schedule.wire.pin), period, Fraction(high), start))
+        period = Fraction(schedule.period)
+        high, start = Fraction(int(WIRE_HIGH * period)), WIRE_QUIET_FRAMES * period
+        sources.append(Periodic(pin_number(schedule.wire.pin), period, high, start))
     return Stimuli(sources) if sources else None
 
 

@@ -24,14 +24,17 @@ from servogen.prove.chip import (
 )
 from servogen.prove.commands import AT_REST, COUNT, OFF_REST, ON_REST
 from servogen.prove.prover import Proof
-from servogen.prove.specification import BEFORE, OVER, SpecState
+from servogen.prove.specification import BEFORE, IN_FRAME, OVER, SpecState
 from servogen.prove.transitions import Transitions
+from servogen.prove.wire import LOOK, SILENT
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import CodeLine, CommandRule, Input, StepButton
 from servogen.simulator import layout
 from servogen.simulator.layout import NEVER, PS, PSA, ROWS
 
 FORMAT = 2
+NO_FRAME = {OVER: -1, SILENT: -2}
+"""The frame in phases that are in none."""
 Memory = tuple[int | str, ...]
 Place = tuple[Memory, int, int]
 
@@ -61,9 +64,8 @@ def certificate(
     columns = {name: [rows[node.rest][name] for node in nodes] for name in _NAMES}
     for place, address in enumerate(range(RAM_FIRST, RAM_LAST + 1)):
         columns[f"ram.{address:02x}"] = [node.ram[place] for node in nodes]
-    over = [node.spec.phase == OVER for node in nodes]
     columns["time"] = [node.spec.time for node in nodes]
-    columns["frame"] = [-1 if is_over else node.spec.frame for node, is_over in zip(nodes, over, strict=True)]
+    columns["frame"] = [NO_FRAME.get(node.spec.phase, node.spec.frame) for node in nodes]
     reader = None if proof.held else schedule.commands
     places: dict[Place, int] = {}
     columns["place"] = [places.setdefault(_place(node.spec, schedule, reader), len(places)) for node in nodes]
@@ -96,6 +98,9 @@ def _place(spec: SpecState, schedule: PulseSchedule, commands: CommandRule | Non
     """Return what the certificate says of the inputs: the memory, the levels read in this frame, and of which
     pins.
     """
+    if schedule.wire:
+        looked = spec.phase == IN_FRAME and spec.wire.seen == len(LOOK)
+        return spec.wire, 0, looked << PINS.index(schedule.wire.pin)
     if commands is None:
         memory: Memory = (spec.running, spec.on, spec.start_seen, spec.stop_seen)
         rule = schedule.buttons

@@ -6,8 +6,8 @@ live bytes: in a player it is the beginning of the next frame's widths.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from servogen.pic.image import Image
 from servogen.prove.chip import FIELD, ChipState, Reason, Use
 from servogen.prove.forks import Choices, PreparedProgram, before_instruction, ways_of
 from servogen.prove.generalise import Guess, follows_timer, live_places
-from servogen.prove.specification import Specification, Violation
+from servogen.prove.specification import BEFORE, IN_FRAME, Specification, SpecState, Violation
 from servogen.prove.transitions import Ram, Transitions, applied
 from servogen.pulse import PulseSchedule
 from servogen.pulse.expected import expected
@@ -34,6 +34,8 @@ TRIED_FRAMES = 12
 WALKED_FRAMES = 400
 STEPS_PER_CUT = 30
 """Runs between two cuts: a program whose every instruction an interrupt may follow has more."""
+AWAITED_STEPS = 50_000
+"""Runs until the wire of another chip has risen, as soon as it may, and the first pulses are due."""
 ALL_PLACES = frozenset(range(68))
 
 
@@ -49,6 +51,27 @@ class _Walk:
     writes: list[frozenset[int]]
     states: list[tuple[Ram, int]]
     sampled: int = 0
+    awaited: int = 0
+    """The number of parts before the pulses, in which the program awaits the wire of another chip."""
+
+    @property
+    def half(self) -> int:
+        """Return the parts in which liveness is exact: after the walk's end everything counts as live."""
+        return max(1, self.awaited + (len(self.reads) - self.awaited) // 2)
+
+
+@dataclass(frozen=True, slots=True)
+class _Begin:
+    """Where walks begin: at reset, or where the wire of another chip has risen, with what was read first and
+    written since it was first read, at `pc`.
+    """
+
+    ram: Ram
+    rest: int
+    position: SpecState
+    pc: int = -1
+    reads: frozenset[int] = frozenset()
+    writes: frozenset[int] = frozenset()
 
 
 def first_edges(
@@ -114,21 +137,22 @@ def choose_cuts(
         return {}
     start, fallback = beginning
     levels = {PINS.index(source.pin): source.level for source in schedule.inputs}
+    begin = _begin(program, transitions, spec, always, levels)
     best: list[int] = sorted(fallback)
     fewest = (True, 1 << 30)
     for candidate in once_a_frame(program.image, schedule, start):
-        walk = _walk(program, transitions, spec, {candidate}, always, levels, TRIED_FRAMES)
+        walk = _walk(program, transitions, spec, {candidate}, always, levels, TRIED_FRAMES, begin)
         if walk is None:
             continue
         live = live_places(walk.reads, walk.writes, ALL_PLACES)
-        # The second half of the walk only serves to find out what is live in the first.
-        count = max((len(places) for places in live[: len(live) // 2]), default=1 << 20)
+        count = max((len(places) for places in live[walk.awaited : walk.half]), default=1 << 20)
         # After a button was read there are two states for each one before; runs that differ in W are not
         # shared.
         rank = 2 * walk.sampled > len(walk.pcs) or needs_w(program, candidate), count
         if rank < fewest:
             best, fewest = [candidate], rank
-    walk = _walk(program, transitions, spec, set(best), always, levels, WALKED_FRAMES)
+    walk = _walk(program, transitions, spec, set(best), always, levels, WALKED_FRAMES, begin)
+    best += [begin.pc] * (begin.pc >= 0)
     return {pc: Guess() for pc in best} if walk is None else _guesses(transitions, best, walk)
 
 
@@ -156,11 +180,9 @@ def needs_w(program: PreparedProgram, pc: int) -> bool:
 
 def _guesses(transitions: Transitions, cuts: list[int], walk: _Walk) -> dict[int, Guess]:
     live = live_places(walk.reads, walk.writes, ALL_PLACES)
-    # Liveness is exact only some runs before the walk's end, after which everything counts as live.
-    half = max(1, len(live) // 2)
     guesses = {}
     for pc in cuts:
-        rows = [n for n in range(half) if walk.pcs[n] == pc]
+        rows = [n for n in range(walk.half) if walk.pcs[n] == pc]
         dead = ALL_PLACES.difference(*(live[n] for n in rows)) if rows else frozenset()
         guess = Guess(set(dead))
         states = [walk.states[n] for n in range(len(walk.pcs)) if walk.pcs[n] == pc]
@@ -177,6 +199,88 @@ def _guesses(transitions: Transitions, cuts: list[int], walk: _Walk) -> dict[int
     return guesses
 
 
+def _begin(
+    program: PreparedProgram,
+    transitions: Transitions,
+    spec: Specification,
+    always: frozenset[int],
+    levels: Mapping[int, int],
+) -> _Begin:
+    """Return where walks begin."""
+    transitions.stop_at(always)
+    start = transitions.chip.power_on()
+    here = _Begin(start.ram, transitions.number(start.rest), spec.start())
+    if not spec.likely(here.position):
+        return here
+    for step in _steps(program, transitions, spec, levels, here, AWAITED_STEPS):
+        if here.pc < 0 and step.position.phase != BEFORE:
+            here = replace(here, pc=step.pc)
+        if here.pc >= 0:
+            reads = here.reads | step.reads - here.writes
+            here = replace(here, reads=reads, writes=here.writes | step.writes)
+        if step.position.phase == IN_FRAME:
+            return replace(here, ram=step.ram, rest=step.rest, position=step.position)
+    return replace(here, pc=-1)
+
+
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """One run of a walk, from `pc` on: what it read first and wrote, and the state after it, in which
+    something unknown may decide.
+    """
+
+    pc: int
+    reads: frozenset[int]
+    writes: frozenset[int]
+    ram: Ram
+    rest: int
+    position: SpecState
+    use: Use | None
+
+
+def _steps(
+    program: PreparedProgram,
+    transitions: Transitions,
+    spec: Specification,
+    levels: Mapping[int, int],
+    begin: _Begin,
+    most: int,
+) -> Iterator[_Step]:
+    """Yield the runs of one way, `most` at most; it ends where the search will find something."""
+    ram, rest, position = begin.ram, begin.rest, begin.position
+    use: Use | None = None
+    chosen: Choices = ()
+    for _ in range(most):
+        state, pc = ChipState(ram, transitions.rest(rest)), transitions.pc(rest)
+        ways = ways_of(program, state, use, chosen) if use else None
+        if use is None:
+            told = frozenset(levels) | spec.sampled
+            ways = before_instruction(program, state, told, 1) if pc in transitions.stops else [()]
+        if not ways:
+            return
+        now = {**levels, **spec.likely(position)}
+        choices = next((candidate for candidate in ways if _as_held(candidate, now)), ways[0])
+        outcome = transitions.run(ram, rest, choices)
+        if outcome.reason is Reason.USE and not outcome.cycles:
+            if outcome.use is None or len(chosen) > 12:
+                return
+            use, chosen = outcome.use, choices
+            continue
+        try:
+            for choice in choices:
+                if choice.field == "PINS":
+                    pin, level = choice.bits.bit_length() - 1, int(choice.value != 0)
+                    position = spec.sample(position, pin, level)
+            position = spec.advance(position, outcome.edges, outcome.cycles)
+        except Violation:
+            return
+        ram, rest, use, chosen = applied(ram, outcome), transitions.number(outcome.rest), outcome.use, ()
+        if outcome.reason in (Reason.WARNING, Reason.LIMIT):
+            return
+        written = frozenset(place for place, _ in outcome.written)
+        yield _Step(pc, frozenset(outcome.read), written, ram, rest, position, use)
+
+
 def _walk(
     program: PreparedProgram,
     transitions: Transitions,
@@ -185,52 +289,25 @@ def _walk(
     always: frozenset[int],
     levels: Mapping[int, int],
     count: int,
+    begin: _Begin,
 ) -> _Walk | None:
-    """Follow one way from reset through `count` cuts; None if none is met twice."""
+    """Follow one way from its beginning through `count` cuts; None if none is met twice."""
     transitions.stop_at(always | cuts)
-    start = transitions.chip.power_on()
-    ram, rest = start.ram, transitions.number(start.rest)
     walk = _Walk([], [], [], [])
-    use: Use | None = None
-    chosen: Choices = ()
-    position = spec.start()
-    steps = STEPS_PER_CUT * (count + 2)
-    while len(walk.reads) <= count and steps:
-        steps -= 1
-        state = ChipState(ram, transitions.rest(rest))
-        ways = ways_of(program, state, use, chosen) if use else None
-        if use is None:
-            at_stop = transitions.pc(rest) in transitions.stops
-            ways = before_instruction(program, state, frozenset(levels), 1) if at_stop else [()]
-        if not ways:
-            break
-        choices = next((candidate for candidate in ways if _as_held(candidate, levels)), ways[0])
-        outcome = transitions.run(ram, rest, choices)
-        if outcome.reason is Reason.USE and not outcome.cycles:
-            if outcome.use is None or len(chosen) > 12:
-                break
-            use, chosen = outcome.use, choices
-            continue
+    if begin.pc >= 0:
+        walk = _Walk([begin.pc], [begin.reads], [begin.writes], [(begin.ram, begin.rest)], awaited=1)
+    for step in _steps(program, transitions, spec, levels, begin, STEPS_PER_CUT * (count + 2)):
         if walk.reads:
-            walk.reads[-1] |= frozenset(outcome.read) - walk.writes[-1]
-            walk.writes[-1] |= frozenset(place for place, _ in outcome.written)
-        for choice in choices:
-            if choice.field == "PINS":
-                position = spec.sample(position, choice.bits.bit_length() - 1, int(choice.value != 0))
-        try:
-            position = spec.advance(position, outcome.edges, outcome.cycles)
-        except Violation:
-            break  # the search will find it
-        ram, rest = applied(ram, outcome), transitions.number(outcome.rest)
-        use, chosen = outcome.use, ()
-        if outcome.reason in (Reason.WARNING, Reason.LIMIT):
-            break
-        if transitions.pc(rest) in cuts and use is None:
-            walk.pcs.append(transitions.pc(rest))
+            walk.reads[-1] |= step.reads - walk.writes[-1]
+            walk.writes[-1] |= step.writes
+        if transitions.pc(step.rest) in cuts and step.use is None:
+            walk.pcs.append(transitions.pc(step.rest))
             walk.reads.append(frozenset())
             walk.writes.append(frozenset())
-            walk.states.append((ram, rest))
-            walk.sampled += position.is_sampled
+            walk.states.append((step.ram, step.rest))
+            walk.sampled += step.position.is_sampled
+        if len(walk.reads) > count:
+            break
     return walk if len(walk.reads) > 2 else None
 
 

@@ -20,6 +20,7 @@ from servogen.prove.nodes import Decision, Node
 from servogen.prove.quantifiers import Quantifiers
 from servogen.prove.specification import BEFORE, IN_FRAME, Specification, SpecState, Violation
 from servogen.prove.transitions import Ram, Transitions, applied
+from servogen.prove.wire import SILENT
 from servogen.pulse.schedule import START_FRAMES
 from servogen.simulator.layout import EEIE, NEVER, T0IF, USE_INTERRUPT
 
@@ -66,10 +67,12 @@ class SearchResult:
     finding: SearchFinding | None = None
     open_nodes: int = 0
     cut: int = 0
-    waits: tuple[tuple[int, int], ...] = ()
-    """The ways between states before the first pulse, which must not form a cycle."""
+    waits: tuple[tuple[int, int, int], ...] = ()
+    """The ways between states before the first pulse, which must not form a cycle, and their cycles."""
     asynchronous: bool = False
     """Whether something other than TMR0 may interrupt the program, end its SLEEP or its EEPROM write."""
+    silence: int | None = None
+    """The cycles from a reset to the first pulse, at least; None where no way comes to one by itself."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,7 +189,9 @@ class Explorer:
     _reads_eeprom: bool = False
     _writes_eeprom: bool = False
     _asynchronous: bool = False
-    _waits: list[tuple[int, int]] = field(default_factory=list)
+    _rises: dict[int, int] = field(default_factory=dict)
+    """By node, in how many cycles from there the first pulse comes, at least."""
+    _waits: list[tuple[int, int, int]] = field(default_factory=list)
 
     def search(self) -> SearchResult:
         """Return all states, or the first finding."""
@@ -203,7 +208,19 @@ class Explorer:
             cut=ended.cut,
             waits=tuple(self._waits),
             asynchronous=self._asynchronous,
+            silence=self._silence(),
         )
+
+    def _silence(self) -> int | None:
+        """Return the cycles from a reset to the first pulse on the shortest way."""
+        since = dict.fromkeys(range(len(self.starts)), 0)
+        shorter = True
+        while shorter:
+            shorter = False
+            for parent, child, cycles in self._waits:
+                if parent in since and since[parent] + cycles < since.get(child, NEVER):
+                    since[child], shorter = since[parent] + cycles, True
+        return min((since[node] + rise for node, rise in self._rises.items()), default=None)
 
     def _expand_all(self) -> None:
         """Expand states until no new one comes. Raises _Ended, as all that follows does."""
@@ -235,7 +252,7 @@ class Explorer:
         if spec.phase == BEFORE and parent >= 0:
             # The time before the first pulse is not part of a state, so a program that waits endlessly closes
             # the search. It is found as a cycle among these pairs.
-            self._waits.append((parent, number))
+            self._waits.append((parent, number, cycles))
 
     def _covering(self, ram: Ram, rest: int, spec: SpecState) -> int:
         """Return the state that covers this one: it itself, or one that is worse; -1 if it is new.
@@ -314,6 +331,9 @@ class Explorer:
         if choices:
             point = replace(point, trail=_Trail(Decision(point.cycle, choices), point.trail))
         spec = self._specified(point, choices, outcome)
+        if point.spec.phase == BEFORE and spec.phase == IN_FRAME:
+            rise = point.cycle + next(cycle for cycle, _, level in outcome.edges if level)
+            self._rises[point.node] = min(rise, self._rises.get(point.node, rise))
         rest, cycle = transitions.number(outcome.rest), point.cycle + outcome.cycles
         ram = applied(point.ram, outcome)
         after = _Point(point.node, ram, rest, spec, cycle, point.trail, (), outcome.use)
@@ -358,6 +378,8 @@ class Explorer:
             raise self._violated(point, "no pulse comes: SLEEP, and nothing has to end it", silent=True)
         if point.spec.phase == IN_FRAME:
             raise self._violated(point, "SLEEP while pulses are due", silent=True)
+        if point.spec.phase == SILENT:
+            raise self._stuck(point, "SLEEP while the wire is awaited")
         # An enable bit is three places above its flag; a flag that is known needs no choice.
         intcon = rest["INTCON"]
         flags = [1 << bit for bit in range(3) if (intcon >> 3 & rest["INTCON_UNKNOWN"]) >> bit & 1]

@@ -37,6 +37,7 @@ from servogen.prove.tables import UndecidedTrims
 from servogen.prove.transitions import Transitions
 from servogen.prove.trim_pulses import WrongEdge
 from servogen.prove.trims import TrimProof, TrimResult
+from servogen.prove.wire import FollowedWire
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import START_FRAMES, TAPE_UNKNOWN
 from servogen.simulator import Machine, SimulatorOptions
@@ -70,6 +71,8 @@ class Proof:
     held: dict[int, int] = field(default_factory=dict)
     asynchronous: bool = False
     """Whether something other than TMR0 may interrupt the program, end its SLEEP or its EEPROM write."""
+    silence: int | None = None
+    """The cycles from a reset to the first pulse, at least; None where no way comes to one by itself."""
 
 
 def prove_for_all(
@@ -109,7 +112,8 @@ class _Prover:
         # that the schedule states, which then is an assumption of the proof.
         self._held = {} if known and free else inputs
         rules = (schedule.buttons, schedule.commands) if free else (None, None)
-        self._spec = Specification(schedule, *rules)
+        wire = schedule.wire if free else None
+        self._spec = FollowedWire(schedule, wire) if wire else Specification(schedule, *rules)
         self._longest = device(self._board.device).max_eeprom_write_us if quantifiers.eeprom_write else None
         self._write_us = self._longest or self._board.eeprom_us
         self._chip = self._abstract_chip(image)
@@ -122,8 +126,8 @@ class _Prover:
 
     def prove(self) -> Proof:
         """Return the answer: search, add what the search asks for, and search again until it is decided."""
-        if self._schedule.wire is not None:
-            return self._result(None, None, "what the wire from another chip may do is not covered")
+        if self._schedule.wire is not None and not isinstance(self._spec, FollowedWire):
+            return self._result(None, None, "the wire from another chip cannot be held at one level")
         if self._schedule.tape is not None:
             return self._result(None, None, f"{TAPE_UNKNOWN} is not covered")
         unfit = self._unfit_oscillator()
@@ -276,6 +280,7 @@ class _Prover:
             transitions=self._transitions,
             held=self._held,
             asynchronous=search is not None and search.asynchronous,
+            silence=search.silence if search else None,
         )
 
     def _assumptions(self) -> tuple[str, ...]:
@@ -331,7 +336,7 @@ def _why_held(schedule: PulseSchedule) -> str:
 def _waits_endlessly(search: SearchResult) -> int | None:
     """Return a node from which the program can come back to it without a pulse."""
     graph: dict[int, list[int]] = {}
-    for before, after in search.waits:
+    for before, after, _ in search.waits:
         graph.setdefault(before, []).append(after)
         graph.setdefault(after, [])
     # No pulse is due before the first one, so each of these waits obeys the specification; only a cycle of

@@ -13,7 +13,7 @@ from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from servogen.edges import PINS
 from servogen.prove.commands import WalkCommands
@@ -26,6 +26,29 @@ BEFORE, IN_FRAME, OVER = range(3)
 
 Edge = tuple[int, int, int]
 """(cycle, pin, level)."""
+
+
+HIGH, QUIET, READY, JOINING, PLAYING = range(5)
+"""The latest level was high, or the pulses were released: from that read on; low since the first low read;
+low for long enough: from the latest read on; after the rise: from its read on; in a frame.
+"""
+NONE = (1, 0)
+"""No number of cycles: what was read is not that of a wire that rises once a frame."""
+
+
+class WireView(NamedTuple):
+    """What the program has read of the wire."""
+
+    kind: int = HIGH
+    least: int = NONE[0]
+    most: int = NONE[1]
+    """While joining: by how many cycles, at least and at most, the rise was seen late."""
+    last: int = 0
+    """While joining: the time of the latest read."""
+    seen: int = 0
+    """The reads in cycles on end up to the latest one, those of a look at most."""
+    good: int = 1
+    """Whether all of these were as `prove.wire.LOOK` says."""
 
 
 class SpecState(NamedTuple):
@@ -50,6 +73,8 @@ class SpecState(NamedTuple):
     """Whether the line was read in this frame, 1: what is heard takes it in at once; or what was read of the
     buttons.
     """
+    wire: WireView = WireView()
+    """What was read of the wire of another chip, if one is followed: see `prove.wire`."""
 
     @property
     def is_sampled(self) -> bool:
@@ -126,6 +151,10 @@ class Specification:
         heard = self._commands.reader.at_power_up if self._commands else 0
         return SpecState(BEFORE, 0, self._waiting, running, heard=heard)
 
+    def likely(self, state: SpecState) -> dict[int, int]:
+        """Return the levels that the next instruction may well read, by pin, beside those of the schedule."""
+        return {}
+
     def at_rest(self, state: SpecState) -> SpecState:
         """Return that nothing more is expected, if no edge is due from now on; else the state as it is."""
         if state.phase != IN_FRAME or self.rule is not None or not self._silent_loop:
@@ -152,7 +181,8 @@ class Specification:
         known = getattr(state, field)
         if known not in (-1, level):
             raise Violation(f"{PINS[pin]} is read twice in a frame, at different levels", 0, certain=False)
-        return state._replace(**{field: level})
+        sampled: dict[str, Any] = {field: level}
+        return state._replace(**sampled)
 
     def advance(self, state: SpecState, edges: Sequence[Edge], cycles: int) -> SpecState:
         """Return the state after a run of `cycles` that made `edges`. Raises Violation."""

@@ -210,7 +210,8 @@ class WireRule:
     """The wire from another chip: see "Two chips" in docs/firmware.md.
 
     The first edge of the schedule comes `cycles` cycles after the wire has risen in frame `frames`, counted
-    from 0, of the other chip's motion.
+    from 0, of the other chip's motion. A rise is that of frame 0 if the wire was low in each of the program's
+    looks before it, the first of them `quiet` cycles or more before the last.
     """
 
     pin: str
@@ -218,9 +219,16 @@ class WireRule:
     """The other chip's pin."""
     frames: int
     cycles: Cycles
+    quiet: Cycles
 
     def to_json(self) -> dict[str, object]:
-        return {"pin": self.pin, "from": self.source, "frames": self.frames, "cycles": self.cycles}
+        return {
+            "pin": self.pin,
+            "from": self.source,
+            "frames": self.frames,
+            "cycles": self.cycles,
+            "quiet_cycles": self.quiet,
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -458,13 +466,15 @@ class _Reader:
         return TapeRule(pins[0], pins[1], self._text(eeprom, "tape.eeprom"))
 
     def _wire(self, data: Any, channels: tuple[Channel, ...]) -> WireRule:
-        pin, source, frames, cycles = self._table(data, "wire", ("pin", "from", "frames", "cycles"))
+        keys = ("pin", "from", "frames", "cycles", "quiet_cycles")
+        pin, source, frames, cycles, quiet = self._table(data, "wire", keys)
         read = self._input({"pin": pin, "level": 0}, "wire", channels)
         return WireRule(
             read.pin,
             self._input({"pin": source, "level": 0}, "wire.from", ()).pin,
             self._whole(frames, "wire.frames", 0),
             Cycles(self._whole(cycles, "wire.cycles", 0)),
+            Cycles(self._whole(quiet, "wire.quiet_cycles", 0)),
         )
 
     def _buttons(self, data: Any, channels: tuple[Channel, ...]) -> ButtonRule:

@@ -21,6 +21,7 @@ from servogen.inputs import read_input
 from servogen.outputs import write_bytes
 from servogen.pic.image import Image
 from servogen.prove import Proof, certificate, prove_for_all
+from servogen.prove.prover import MAX_STATES
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import TAPE_UNKNOWN
 
@@ -116,12 +117,12 @@ def _held_buttons(proof: Proof, schedule: PulseSchedule) -> list[str]:
 
 
 def prove_program(
-    image: Image, schedule: PulseSchedule, text: bytes
+    image: Image, schedule: PulseSchedule, text: bytes, max_states: int = MAX_STATES
 ) -> tuple[CertificateVerdict, Proof, Witnessed | None]:
     """Prove a program against a schedule, the content `text` of its file, for every power-up, input and chip,
     and have the proof checked. Raises ToolError.
     """
-    proof = prove_for_all(image, schedule)
+    proof = prove_for_all(image, schedule, max_states=max_states)
     if not proof.proven:
         shown = proof.counterexample
         why = f"counterexample: {shown.message}" if shown else f"not decided: {proof.reason}"

@@ -76,7 +76,10 @@ OUTPUTS: Mapping[str, tuple[type, ...]] = MappingProxyType(
             *(answers.VerifyContractAnswer, answers.PairVerdictAnswer),
         ),
         "measure": (answers.MeasureAnswer,),
-        "prove": (answers.FactsAnswer, answers.ProofAnswer, answers.ContractProofAnswer),
+        "prove": (
+            *(answers.FactsAnswer, answers.ProofAnswer, answers.ContractProofAnswer),
+            answers.PairProofAnswer,
+        ),
         "check-certificate": (answers.ValidCertificate, answers.RefusedCertificate),
         "robots": (answers.RobotsAnswer, answers.ArmAnswer, answers.HexapodAnswer, answers.OmniAnswer),
         "servos": (answers.ServosAnswer, answers.ServoAnswer),

@@ -21,12 +21,20 @@ from servogen.edges import HIGH, PINS, EdgeTrace, join
 from servogen.engines.board import board_of
 from servogen.engines.firmware import Firmware
 from servogen.errors import InputError, Location
+from servogen.inputs import read_input
 from servogen.job import PlannedJob
 from servogen.job.chips import part_of
 from servogen.outputs import write_text
 from servogen.pic.image import Image
 from servogen.plan_error import plan_text
-from servogen.programs import BUILT_PROGRAM, BUILT_SCHEDULE, PAIR_FOLDERS, read_program, read_schedule
+from servogen.programs import (
+    BUILT_PROGRAM,
+    BUILT_SCHEDULE,
+    MAX_SCHEDULE_BYTES,
+    PAIR_FOLDERS,
+    read_program,
+    read_schedule,
+)
 from servogen.pulse import PulseSchedule
 from servogen.report.pair import PairFacts, pair_page
 from servogen.simulator import Levels, Machine, Stimuli
@@ -35,12 +43,13 @@ from servogen.units import Cycles
 from servogen.verify import Verdict, verdict_lines
 from servogen.workflows.engines import PlayedJob, planned
 from servogen.workflows.job_build import Build, build_alone, write
+from servogen.workflows.pair_proof import PairProof, prove_pair
 from servogen.workflows.verification import checked_cycles, judge_edges, running
 
 if TYPE_CHECKING:
     from servogen.answers import PairBuildFacts, PairVerdictAnswer
 
-ONE_RUN = "This is one run of each pair. What holds for every power-up and wire is not decided."
+ONE_RUN = "This is one run of each pair. What holds for every power-up and wire: servogen prove FOLDER."
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +122,25 @@ class PairBuild:
             words = ", ".join(f"{each.firmware.dialect} {each.image.words}" for each in build.programs)
             rows.append(f"{name}: words: {words}; {plan_text(build.plan.schedule.plan_error)}")
         return rows
+
+    def proofs(self) -> dict[str, PairProof]:
+        """Return what is proven of both programs of each dialect. Raises ToolError."""
+        first, second = self.chips
+        schedules = first.plan.schedule, second.plan.schedule
+        texts = schedules[0].json_text().encode(), schedules[1].json_text().encode()
+        pairs = {
+            dialect: [
+                each.image
+                for build in self.chips
+                for each in build.programs
+                if each.firmware.dialect == dialect
+            ]
+            for dialect in self.verdicts
+        }
+        return {
+            dialect: prove_pair(schedules, (leads, follows), texts)
+            for dialect, (leads, follows) in pairs.items()
+        }
 
     def to_json(self) -> PairBuildFacts:
         return {
@@ -268,6 +296,12 @@ def judge_pair(
     if rise is not None and follows.start is not None:
         apart = follows.start - rise - rule.frames * second.period - rule.cycles
     return PairVerdict((leads, follows), apart)
+
+
+def pair_texts(folder: Path) -> tuple[bytes, bytes]:
+    """Return the contents of the schedules of a built pair. Raises InputError."""
+    first, second = (read_input(folder / name / BUILT_SCHEDULE, MAX_SCHEDULE_BYTES) for name in PAIR_FOLDERS)
+    return first, second
 
 
 def read_pair(

@@ -153,8 +153,8 @@ pl_poll:
     goto    $+1
 ; Cycle {{ reads[2] + 4 }} after the beginning, always.
 {% if wire %}
-    movf    PORT{{ wire }}, W            ; the wire: its bit is set if it is low,
-    xorwf   PORT{{ wire }}, W            ; then high,
+    comf    PORT{{ wire }}, W            ; the wire: its bit is set if it is low,
+    andwf   PORT{{ wire }}, W            ; then high,
     andwf   PORT{{ wire }}, W            ; and high
     movwf   _seen
 {% endif %}

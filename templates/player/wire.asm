@@ -28,26 +28,33 @@ pl_quiet:
 ; Joins the other chip's frames. In: the wire. Out: TMR0 is 0, so that the wire's next rise, {{ ahead }} ticks later, comes in
 ; the middle cycle of the kernel's look.
 ;
-; A wire that is low for longer than a frame: its next rise is the other chip's first.
+; A wire that is low for longer than a frame: its next rise is the other chip's first. TMR0 is cleared while that is awaited,
+; so that the time that this takes leaves no trace.
 pl_wire:
-    movlw   {{ quiet }}
-    movwf   _count
-    clrf    _apart
+    clrf    TMR0
+    clrf    _count
 pl_quiet:
     clrwdt
     btfsc   PORT{{ port }}, {{ bit }}
     goto    pl_wire
+    movlw   {{ pause }}
+    movwf   _apart
+pl_pause:
     decfsz  _apart, F
-    goto    pl_quiet
+    goto    pl_pause
     decfsz  _count, F
     goto    pl_quiet
 pl_rise:
     clrwdt
+    btfsc   PORT{{ port }}, {{ bit }}
+    goto    pl_seen             ; seen 0 to {{ late }} cycles late, here
+    clrf    TMR0
     btfss   PORT{{ port }}, {{ bit }}
-    goto    pl_rise             ; seen 0 to {{ late }} cycles late
+    goto    pl_rise
+    nop                         ; or here
+pl_seen:
     movlw   {{ late }}
     movwf   _stay
-    nop
 pl_later:
 {{ wait("pl_frame", frame) }}
     btfss   PORT{{ port }}, {{ bit }}            ; the cycle before the rise, unless it was seen late: then a cycle less

@@ -613,7 +613,7 @@ def test_what_is_not_decided_names_its_place() -> None:
     ],
 )
 def test_a_program_that_comes_back_to_a_state_without_a_pulse_waits_endlessly(waits: Any, node: Any) -> None:
-    search: Any = SimpleNamespace(waits=waits)
+    search: Any = SimpleNamespace(waits=[(*wait, 10) for wait in waits])
     found = _waits_endlessly(search)
     assert found == node if not isinstance(node, set) else found in node
 

@@ -119,7 +119,7 @@ def test_a_first_pulse_has_fifty_frames() -> None:
             assert found.finding == SearchFinding(0, (), cycles, "no pulse comes", True, 9)
         else:
             # It waits from cut to cut: a cycle of states without a pulse.
-            assert found.waits == ((0, 1), (1, 1))
+            assert [wait[:2] for wait in found.waits] == [(0, 1), (1, 1)]
 
 
 def test_a_loop_without_a_cut_asks_for_one() -> None:

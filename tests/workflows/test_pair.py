@@ -15,12 +15,13 @@ from servogen.edges import HIGH, OTHER_PINS, EdgeChunk, EdgeTrace, join
 from servogen.engines.board import machine_of, paired_machine
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
-from servogen.prove import prove_for_all
 from servogen.simulator import Reset
 from servogen.units import Cycles
+from servogen.workflows.certificates import prove_program
 from servogen.workflows.engines import planned
 from servogen.workflows.pair import PairBuild, build_pair, judge_pair, second_chip, wire_edges
 from servogen.workflows.verification import running
+from tests.campaigns import sampled
 
 JOB = """
 [[chip]]
@@ -258,7 +259,9 @@ def test_build_writes_two_folders_that_verify_judges_together(tmp_path: Path) ->
     assert judged.exit_code == 1 and "both chips: NOT exact" in judged.output
 
 
-def test_what_any_wire_may_do_to_the_second_chip_is_not_decided(pair: PairBuild) -> None:
+@pytest.mark.parametrize("dialect", sampled(range(3), 1))
+def test_the_second_chip_is_proven_for_every_wire_in_every_dialect(pair: PairBuild, dialect: int) -> None:
     second = pair.chips[1]
-    proof = prove_for_all(second.programs[0].image, second.plan.schedule)
-    assert not proof.proven and proof.counterexample is None and "wire" in proof.reason
+    text = second.plan.schedule.json_text().encode()
+    verdict, _, witness = prove_program(second.programs[dialect].image, second.plan.schedule, text)
+    assert verdict.text == "proven, checked" and witness is not None and witness.checked is not None

@@ -27,9 +27,24 @@ LOOKED_LATE = 3
 JOINING_FRAMES = LOOKED_LATE + 1
 """The first chip's frames, from its first one on, in which the second has no pulses yet."""
 
+QUIET_LOOKS, QUIET_C = 256, 7
+"""The looks at a wire that is low until its rise is awaited, and the cycles of each beside its pause."""
+
 QUIET_S = Fraction(1, 4)
 """The time in which the first chip keeps the wire low before its motion: the second one's power-up timer may
 end up to 104 ms after its own (DS35007, parameter 33: 28 to 132 ms), and then waits for a quiet frame."""
+
+
+def quiet_pause(period: Cycles) -> int:
+    """Return the turns of 3 cycles between two of the 256 looks at the wire that together are longer than a
+    frame.
+    """
+    return (period // QUIET_LOOKS - QUIET_C) // 3 + 1
+
+
+def quiet_cycles(period: Cycles) -> Cycles:
+    """Return the cycles from the first look at a quiet wire to the first one that awaits its rise."""
+    return Cycles(QUIET_LOOKS * (3 * quiet_pause(period) + QUIET_C) - 1)
 
 
 @dataclass(frozen=True, slots=True)

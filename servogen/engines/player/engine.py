@@ -11,7 +11,7 @@ from servogen.engines.firmware import Firmware, ResourceError
 from servogen.engines.inputs import given
 from servogen.engines.inputs.buttons import ControlButtons, motion_with_wait, with_wait
 from servogen.engines.inputs.commands import commander
-from servogen.engines.inputs.wire import JOINING_FRAMES, FrameWire
+from servogen.engines.inputs.wire import JOINING_FRAMES, FrameWire, quiet_cycles
 from servogen.engines.player import Playing, playing
 from servogen.engines.player.commanded import commanded
 from servogen.engines.player.legs import LONGEST
@@ -67,12 +67,15 @@ def play(
         waiting,
         inputs=buttons.inputs,
         buttons=buttons.rule,
-        wire=WireRule(wire.pin, wire.other, JOINING_FRAMES, played.layout.after_rise)
-        if wire and follows
-        else None,
+        wire=_rule(wire, played) if wire and follows else None,
     )
     plan = replace(played.plan, schedule=schedule)
     return motion_with_wait(played.trajectory, buttons.waiting), replace(played, plan=plan), schedule
+
+
+def _rule(wire: FrameWire, played: Playing) -> WireRule:
+    quiet = quiet_cycles(played.plan.schedule.period)
+    return WireRule(wire.pin, wire.other, JOINING_FRAMES, played.layout.after_rise, quiet)
 
 
 def _check_soft_start(job: EngineJob, ends: Sequence[int]) -> None:

@@ -27,7 +27,7 @@ from servogen.engines.inputs.commands import (
     CommandLine,
     hearing_table,
 )
-from servogen.engines.inputs.wire import LOOKED_LATE, FrameWire
+from servogen.engines.inputs.wire import LOOKED_LATE, FrameWire, quiet_pause
 from servogen.engines.player.arithmetic import ENTRIES, FRACTION
 from servogen.engines.player.layout import TICKS, SlotLayout, to_rise
 from servogen.engines.player.playing import Playing
@@ -63,9 +63,6 @@ JOIN_C = 6
 LAST_C = 4
 """The cycles from the wire's last rise before the pulses to that in the middle of the kernel's look, without
 the last delay, the ticks and the kernel's way to the rise of its pins."""
-
-QUIET_TURN = 256 * 6
-"""The cycles, at least, in which the wire is low for one turn of the counter's second byte."""
 
 OVERRUN = "overrun"
 """The variable whose bit 0 is set once the C between two slots has taken too long."""
@@ -208,7 +205,7 @@ def _wire(wire: FrameWire | None, played: Playing) -> _WireText | None:
         values |= {
             "port": wire.pin[1],
             "bit": int(wire.pin[2]),
-            "quiet": period // QUIET_TURN + 1,
+            "pause": quiet_pause(period),
             "late": LOOKED_LATE,
             "ahead": slots.slots[0].ticks,
             "last": _Delay.of(period - LAST_C - to_rise(slots.tick) - slots.slots[0].ticks * slots.tick),

@@ -1,0 +1,114 @@
+"""A program that follows the wire of another chip, whatever that wire does: proven by both, or not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from servogen.checker import Refused, check_certificate, read_certificate
+from servogen.edges import HIGH, PINS, join
+from servogen.pic.image import Image
+from servogen.prove import Proof, certificate, prove_for_all
+from servogen.pulse import PulseSchedule
+from servogen.simulator import Machine, SimulatorOptions, parse_stimuli
+from servogen.units import Cycles
+from servogen.workflows.certificates import second_witness
+from tests.prove.wire_judge import fault
+from tests.prove.wired import LOOK, PERIOD, QUIET, WIRE, schedules, second_chip, wait
+
+SCHEDULE = schedules()[1]
+
+
+def proven(image: Image, schedule: PulseSchedule = SCHEDULE) -> Proof:
+    return prove_for_all(image, schedule, max_states=3000)
+
+
+def changed(old: str, new: str) -> Image:
+    """The second chip with a part of its text replaced."""
+    return second_chip(old, new)
+
+
+def pin_edges(image: Image, stimuli: str, options: SimulatorOptions, end: int) -> list[tuple[int, int, int]]:
+    machine = Machine(image, SCHEDULE.clock, options, parse_stimuli(stimuli, "it.toml", SCHEDULE.clock))
+    chunk = join(machine.stream(Cycles(end)))
+    found, high = [], 0
+    for cycle, pin, level in zip(*(column.tolist() for column in chunk), strict=True):
+        now = int(level == HIGH)
+        if high >> pin & 1 != now:
+            high ^= 1 << pin
+            found.append((cycle, ["RB0"].index(PINS[pin]), now))
+    return found
+
+
+@pytest.fixture(scope="module")
+def right() -> Proof:
+    return proven(second_chip())
+
+
+def test_whatever_the_wire_does_whole_frames_follow_its_rises_and_both_witnesses_say_so(right: Proof) -> None:
+    assert right.proven, right.reason
+    text = SCHEDULE.json_text().encode()
+    witness = second_witness(right, second_chip(), SCHEDULE, text)
+    assert witness.text == "proven, checked"
+
+
+WRONG = {
+    "a pulse is a cycle longer": (wait(259), wait(260)),
+    "a dip of a cycle counts as a rise": (
+        LOOK,
+        LOOK.replace("comf PORTA, w\n        andwf", "movf PORTA, w\n        xorwf"),
+    ),
+    "two cycles of lateness are not found": ("        movlw 2\n", "        movlw 1\n"),
+    "a frame counts as quiet": ("wire    movlw 64", "wire    movlw 50"),
+    "the last read of the look has no effect": (
+        LOOK,
+        LOOK.replace("        andwf PORTA, w\n        movwf", "        nop\n        movwf"),
+    ),
+    "the wire is looked at a cycle late": ("        nop\nlater", "        nop\n        nop\nlater"),
+    "pulses go on without the wire": (
+        "        btfss 0x23, 1\n        goto wire",
+        "        nop\n        goto $+1",
+    ),
+    "it never awaits a rise": ("        goto rise\n", "        goto wire\n"),
+    "it sleeps while it awaits the rise": ("rise    btfss", "rise    sleep\n        btfss"),
+}
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_a_program_that_does_otherwise_is_not_proven_and_a_counterexample_is_one(what: str) -> None:
+    image = changed(*WRONG[what])
+    assert image != second_chip()
+    proof = proven(image)
+    assert not proof.proven
+    shown = proof.counterexample
+    if shown is not None:
+        stimuli = shown.stimulus(SCHEDULE.clock)
+        end, begin = shown.cycle + 2 * PERIOD, 0 if shown.reset is None else shown.reset + 2
+        wire = next(levels for pin, levels in shown.levels if pin == WIRE)
+        assert fault(SCHEDULE, wire, pin_edges(image, stimuli, shown.options, end), begin, end)
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_the_checker_refuses_the_right_programs_certificate_for_another_one(right: Proof, what: str) -> None:
+    text, image = SCHEDULE.json_text().encode(), changed(*WRONG[what])
+    claim = read_certificate(certificate(right, image, SCHEDULE, text), "it")
+    with pytest.raises(Refused):
+        check_certificate(claim, image, text, "schedule.json")
+
+
+OTHER_RULES = {
+    "the pulses come a cycle later": {"cycles": Cycles(11)},
+    "the first frame is another": {"frames": 2},
+    "less counts as quiet": {"quiet": Cycles(QUIET - 16)},
+    "more counts as quiet": {"quiet": Cycles(QUIET + 1)},
+    "the wire is at another pin": {"pin": "RA2"},
+}
+
+
+@pytest.mark.parametrize("what", OTHER_RULES)
+def test_a_program_is_not_proven_for_another_rule(what: str) -> None:
+    assert SCHEDULE.wire is not None
+    schedule = replace(SCHEDULE, wire=replace(SCHEDULE.wire, **OTHER_RULES[what]))
+    proof = proven(second_chip(), schedule)
+    assert not proof.proven
