@@ -141,7 +141,7 @@ def choose_cuts(
     best: list[int] = sorted(fallback)
     fewest = (True, 1 << 30)
     for candidate in once_a_frame(program.image, schedule, start):
-        walk = _walk(program, transitions, spec, {candidate}, always, levels, TRIED_FRAMES, begin)
+        walk = _walk(program, transitions, spec, {candidate}, always, levels, begin, TRIED_FRAMES)
         if walk is None:
             continue
         live = live_places(walk.reads, walk.writes, ALL_PLACES)
@@ -151,7 +151,7 @@ def choose_cuts(
         rank = 2 * walk.sampled > len(walk.pcs) or needs_w(program, candidate), count
         if rank < fewest:
             best, fewest = [candidate], rank
-    walk = _walk(program, transitions, spec, set(best), always, levels, WALKED_FRAMES, begin)
+    walk = _walk(program, transitions, spec, set(best), always, levels, begin, WALKED_FRAMES)
     best += [begin.pc] * (begin.pc >= 0)
     return {pc: Guess() for pc in best} if walk is None else _guesses(transitions, best, walk)
 
@@ -288,8 +288,8 @@ def _walk(
     cuts: set[int],
     always: frozenset[int],
     levels: Mapping[int, int],
-    count: int,
     begin: _Begin,
+    count: int,
 ) -> _Walk | None:
     """Follow one way from its beginning through `count` cuts; None if none is met twice."""
     transitions.stop_at(always | cuts)

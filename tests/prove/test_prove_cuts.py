@@ -189,7 +189,8 @@ def walked(run: Any, program: PreparedProgram, count: int, **more: Any) -> _Walk
     levels = more.pop("levels", {})
     always = more.pop("always", NOTHING)
     spec = Specification(schedule(pulse(0, 1000)), None)
-    return cuts._walk(program, transitions, spec, {9}, always, levels, count)
+    begin = cuts._begin(program, transitions, spec, always, levels)
+    return cuts._walk(program, transitions, spec, {9}, always, levels, begin, count)
 
 
 def frame(**more: Any) -> RunOutcome:
@@ -256,7 +257,9 @@ def test_an_unknown_bit_is_chosen_as_the_schedule_holds_it() -> None:
         transitions = transitions_of(run)
         transitions.chip.power_on = power_on  # type: ignore[method-assign]
         spec = Specification(schedule(pulse(0, 1000)), None)
-        assert cuts._walk(program, transitions, spec, {9}, frozenset({0}), {RA4: level}, 3) is not None
+        begin = cuts._begin(program, transitions, spec, frozenset({0}), {RA4: level})
+        walk = cuts._walk(program, transitions, spec, {9}, frozenset({0}), {RA4: level}, begin, 3)
+        assert walk is not None
     assert chosen == [(AssumedBits("PINS", 1 << RA4, level << RA4),) for level in (0, 1)]
 
 
