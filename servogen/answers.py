@@ -742,7 +742,6 @@ class CheckedAnswer(TypedDict):
     forks: Annotated[int, "Ways that were split."]
     over: Annotated[list[str], "What the theorem is over."]
     restrictions: Annotated[list[str], "The pins for whose held level alone it was checked."]
-    silence: Annotated[int | None, "Cycles from a reset to the first pulse, at least; none if no run has one."]
 
 
 class CounterexampleAnswer(TypedDict):
