@@ -26,7 +26,7 @@ from servogen.pic.device import EEPROM_BYTES, PROGRAM_WORDS, RAM_FIRST
 from servogen.pic.listing import Listing
 from servogen.pic.spelling import assembly_text
 from servogen.programs import Program, clock_of, read_program
-from servogen.simulator import Levels, SimulatorOptions, Stimuli, load_stimuli
+from servogen.simulator import LevelChange, Levels, SimulatorOptions, Stimuli, load_stimuli
 
 THREAD = 1
 SLICE_S = 0.2
@@ -49,6 +49,8 @@ CAPABILITIES = {
     "supportsReadMemoryRequest": True,
     "supportsEvaluateForHovers": True,
     "supportsSteppingGranularity": True,
+    "supportsSetVariable": True,
+    "supportsSetExpression": True,
     "supportsTerminateRequest": True,
     "supportsRestartRequest": True,
 }
@@ -101,6 +103,8 @@ class DebugSession:
             "scopes": self._scopes,
             "variables": self._variables,
             "evaluate": self._evaluate,
+            "setVariable": lambda given: self._set(str(given["name"]), str(given["value"])),
+            "setExpression": lambda given: self._set(str(given["expression"]), str(given["value"])),
             "disassemble": self._disassemble,
             "readMemory": self._read_memory,
             "continue": self._continue,
@@ -337,6 +341,29 @@ class DebugSession:
         number = variable(text, self._need_loaded().listing).number(chip.machine.ram)
         return {"result": str(number), "variablesReference": 0}
 
+    def _set(self, name: str, text: str) -> Body:
+        """Set a variable, a byte of RAM, W, or the level at a pin; return it as it is shown then.
+
+        The past stays, and what came after this moment is dropped.
+        """
+        chip, name = self._need_chip(), name.strip()
+        number = _number(text)
+        if name.upper() in PINS:
+            if number not in (0, 1):
+                raise InputError("out-of-range", f"{name.upper()}: a level is 0 or 1, not '{text}'")
+            chip.apply([LevelChange(chip.now, _pin(name.upper()), number)])
+        elif name.upper() == "W":
+            _fits(name, number, 1)
+            chip.poke(None, number)
+        elif name.upper() in dict(self._registers_shown()):
+            raise InputError("out-of-range", f"'{name}' is not set: variables, 0x0C to 0x4F, W and pins are")
+        else:
+            found = variable(name, self._need_loaded().listing)
+            _fits(name, number, found.size)
+            for place, byte in enumerate((number % 256**found.size).to_bytes(found.size, "little")):
+                chip.poke(found.address + place, byte)
+        return {"value": self._evaluate({"expression": name})["result"]}
+
     def _disassemble(self, given: Body) -> Body:
         image = self._need_loaded().program.image
         begin = int(given["memoryReference"], 16) + int(given.get("instructionOffset") or 0)
@@ -462,6 +489,21 @@ def _pin(name: str) -> int:
     if name not in PINS:
         raise InputError("unknown-pin", f"there is no pin '{name}'")
     return PINS.index(name)
+
+
+def _number(text: str) -> int:
+    """Return a number as it is shown or as C writes it. Raises InputError."""
+    word = text.split()[0] if text.split() else ""
+    try:
+        return int(word, 0)
+    except ValueError:
+        raise InputError("out-of-range", f"'{text}' is not a number such as 18, 0x12 or 0b10010") from None
+
+
+def _fits(name: str, number: int, size: int) -> None:
+    most = 256**size - 1
+    if not -(most + 1) // 2 <= number <= most:
+        raise InputError("out-of-range", f"'{name}' has {size} bytes: up to {most}, not {number}")
 
 
 def _line(given: Body) -> Body:

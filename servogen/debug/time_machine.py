@@ -67,7 +67,9 @@ class _Input:
     """Changes that were applied in `cycle`, none of them earlier."""
 
     cycle: int
-    changes: tuple[LevelChange, ...]
+    changes: tuple[LevelChange, ...] = ()
+    bytes: tuple[tuple[int | None, int], ...] = ()
+    """(address in RAM or None for W, value) that a debugger sets."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +152,10 @@ class TimeMachine:
     @property
     def touched(self) -> float:
         """Return the cycle of the first change from outside; infinite where there is none."""
-        return min((change.cycle for one in self._inputs[:1] for change in one.changes), default=inf)
+        if not self._inputs:
+            return inf
+        first = self._inputs[0]
+        return min((change.cycle for change in first.changes), default=first.cycle)
 
     @property
     def snapshots(self) -> int:
@@ -159,13 +164,23 @@ class TimeMachine:
     def apply(self, changes: Sequence[LevelChange]) -> None:
         """Apply changes from outside, none of them before the current moment, whose old future is dropped."""
         self.machine.apply(changes)
+        self._changed(_Input(self.now, tuple(changes)), bisect_right(self._at, self.now))
+
+    def poke(self, address: int | None, value: int) -> None:
+        """Set a byte of RAM, or W where there is no address, now; the old future is dropped."""
+        self.machine.poke(address, value)
+        self._changed(_Input(self.now, bytes=((address, value),)), bisect_left(self._at, self.now))
+        self._keep()
+
+    def _changed(self, given: _Input, kept: int) -> None:
+        """Note what came from outside; only the first `kept` snapshots are still true."""
         now = self.now
         del self._inputs[self._applied :]
-        self._inputs.append(_Input(now, tuple(changes)))
+        self._inputs.append(given)
         self._applied += 1
-        for cycle in self._at[bisect_right(self._at, now) :]:
+        for cycle in self._at[kept:]:
             del self._kept[cycle]
-        del self._at[bisect_right(self._at, now) :]
+        del self._at[kept:]
         if self.repetition is not None and self.repetition.begin + self.repetition.length > now:
             self.repetition = None
         self.reach = now
@@ -322,7 +337,10 @@ class TimeMachine:
     def _arrive(self, end: int) -> None:
         """Apply again the inputs of this moment; keep a snapshot where one is due."""
         while self._applied < len(self._inputs) and self._inputs[self._applied].cycle <= self.now:
-            self.machine.apply(self._inputs[self._applied].changes)
+            given = self._inputs[self._applied]
+            self.machine.apply(given.changes)
+            for address, value in given.bytes:
+                self.machine.poke(address, value)
             self._applied += 1
         self.reach = max(self.reach, self.now)
         place = bisect_right(self._at, self.now)

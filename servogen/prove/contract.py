@@ -45,6 +45,8 @@ from servogen.units import Clock, Cycles
 MAX_STATES = 100_000
 MAX_ADDED_CUTS = 24
 MAX_REFINEMENTS = 200
+MAX_LATCHES = 8
+"""Outputs whose latches at the start are told apart, if need be."""
 SAMPLE_S = (1, 8, 64)
 """Seconds of a plain run, after one second, from which the first cut is chosen: as few as the main loop needs
 to repeat."""
@@ -193,6 +195,9 @@ class _ContractProver:
         self._always = self._program.choice_points
         self._cut, driven = _observed(self._program, clock, self._board)
         self._inputs = watched & ~driven
+        outputs = watched & driven
+        self._outputs = outputs if outputs.bit_count() <= MAX_LATCHES else 0
+        self._latches = 0
         self._specs = [
             ContractSpecification(side, self._inputs)
             for clause in clauses
@@ -218,8 +223,10 @@ class _ContractProver:
         answer = self._searched(spec)
         if answer.proven or answer.counterexample is not None:
             return answer
-        # What was made general may be what leads to a violation that no chip shows.
+        # What was made general may be what leads to a violation that no chip shows; so may a latch that is
+        # not known.
         self._generaliser.keep_all()
+        self._latches = self._outputs
         return self._searched(spec)
 
     def _searched(self, spec: ContractSpecification) -> ContractProof:
@@ -237,6 +244,7 @@ class _ContractProver:
                 self._max_states,
                 self._tell,
                 starts_of(self._chip, self._quantifiers, written),
+                self._latches,
             ).search()
 
         def add_cut(address: int) -> None:

@@ -14,7 +14,14 @@ from enum import Enum
 from operator import ge
 
 from servogen.prove.chip import FIELD, AbstractChip, AssumedBits, ChipState, Reason, RunOutcome, Use
-from servogen.prove.forks import ALONE, Choices, PreparedProgram, before_instruction, ways_of
+from servogen.prove.forks import (
+    ALONE,
+    Choices,
+    PreparedProgram,
+    before_instruction,
+    ways_of,
+    ways_of_latches,
+)
 from servogen.prove.generalise import Generaliser
 from servogen.prove.nodes import Decision, Node
 from servogen.prove.quantifiers import Quantifiers
@@ -179,6 +186,8 @@ class Explorer:
     max_states: int
     tell: Callable[[int, int], None]
     starts: Sequence[ChipState]
+    latches: int = 0
+    """The pins, as bits, whose latches at the start are told apart."""
     _nodes: list[Node] = field(default_factory=list)
     _known: dict[tuple[Ram, int, object], list[tuple[tuple[int, ...], int]]] = field(default_factory=dict)
     """The numbers of the nodes, with what is greater in worse ones."""
@@ -291,7 +300,11 @@ class Explorer:
                 raise _Ended(SearchAnswer.REFINE)
             # The ways cover every value of what is unknown (`forks`), so following all of them covers every
             # chip.
-            for choices in self._ways(point):
+            ways = self._ways(point)
+            if node.parent < 0 and point.trail is None and not point.chosen:
+                latches = ways_of_latches(ChipState(node.ram, self.transitions.rest(node.rest)), self.latches)
+                ways = [latch + way for latch in latches for way in ways]
+            for choices in ways:
                 points += self._follow(point, choices)
 
     def _without_cut(self, point: _Point, seen: Set[PointKey]) -> _Ended:

@@ -194,6 +194,16 @@ def _writes(decoded: Decoded) -> bool:
     return "f" in row.operands and (row.writes == "f" or (row.writes == "d" and bool(decoded.d)))
 
 
+def ways_of_latches(state: ChipState, pins: int) -> list[Choices]:
+    """Return the ways in which the latches of `pins` may be, as far as they are not known."""
+    mask = state["LATCH_UNKNOWN"] & pins
+    if not mask:
+        return [()]
+    bits = [1 << pin for pin in range(mask.bit_length()) if mask >> pin & 1]
+    values = [sum(chosen) for chosen in product(*((0, bit) for bit in bits))]
+    return [(AssumedBits("LATCH", mask, value),) for value in values]
+
+
 def ways_of(program: PreparedProgram, state: ChipState, use: Use, chosen: Choices) -> list[Choices] | None:
     """Return the ways beyond `chosen` in which the unknown bit that decides may be; None if they are not
     known.

@@ -336,6 +336,15 @@ class Machine:
         done = known == at.NEVER and last[at.STIM_NEXT] >= last[at.STIM_COUNT]
         return bool(done) and not second.devices and fingerprint(first.state) == fingerprint(last)
 
+    def poke(self, address: int | None, value: int) -> None:
+        """Set a byte of RAM, or W where there is no address, to a known value, as a debugger does."""
+        if address is not None and not RAM_FIRST <= address <= RAM_LAST:
+            raise ValueError(f"0x{address:02X} is not in RAM")
+        if address is None:
+            self._s[at.W], self._s[at.W_UNKNOWN] = value & 0xFF, 0
+        else:
+            self._s[address] = value & 0xFF
+
     def apply(self, changes: Sequence[LevelChange]) -> None:
         """Add changes from outside to what the stimulus still has to supply, after its own in each cycle.
 

@@ -218,3 +218,41 @@ def test_messages_survive_the_wire() -> None:
         {"seq": 2},
         None,
     ]
+
+
+def test_what_is_set_holds_forwards_and_backwards_and_not_before(editor: Editor) -> None:
+    assert armed(editor, {"line": line_of("sum = twice")}) == [True]
+    editor.ask("configurationDone", {})
+    go(editor, "continue")
+    go(editor, "continue")
+    assert value(editor, "turns") == "2"
+    before = cycle(editor)
+    answer = editor.ask("setVariable", {"variablesReference": 3, "name": "turns", "value": "0x28"})
+    assert answer["value"] == "40" and value(editor, "turns") == "40"
+    go(editor, "continue")
+    assert value(editor, "turns") == "41" and value(editor, "PORTB") == f"{2 * 40} (0x50)"
+    go(editor, "reverseContinue")
+    assert (cycle(editor), value(editor, "turns")) == (before, "40")
+    go(editor, "reverseContinue")
+    assert value(editor, "turns") == "1"
+    go(editor, "continue")
+    go(editor, "continue")
+    assert value(editor, "turns") == "41", "the change is part of the past"
+
+
+def test_a_pin_and_w_are_set_and_what_cannot_be_is_told(editor: Editor) -> None:
+    editor.ask("configurationDone", {})
+    assert editor.ask("setExpression", {"expression": "W", "value": "0b101"})["value"] == "5 (0x05)"
+    editor.ask("setExpression", {"expression": "RA0", "value": "1"})
+    go(editor, "next")
+    assert value(editor, "RA0") == "1"
+    for name, wrong, why in (
+        ("turns", "256", "up to 255"),
+        ("turns", "many", "not a number"),
+        ("RA0", "2", "a level is 0 or 1"),
+        ("TMR0", "1", "is not set"),
+        ("nobody", "1", "no variable"),
+    ):
+        editor.client.send_request("setExpression", {"expression": name, "value": wrong})
+        with pytest.raises(AssertionError, match=why):
+            editor.until("setExpression")

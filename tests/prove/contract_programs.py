@@ -12,6 +12,7 @@ Exit code 1 if one of them does not replay, or if a program is proven and its pl
 from __future__ import annotations
 
 import argparse
+import signal
 import subprocess
 import sys
 import time
@@ -116,7 +117,10 @@ def first_breach(verdict: ContractVerdict) -> int | None:
 
 def answer(case: Case, plain: ContractVerdict, max_states: int) -> tuple[str, str, bool]:
     """Return the verdict of the prover, its reason, and whether it is consistent with plain runs."""
-    proof = case.proof(max_states)
+    try:
+        proof = case.proof(max_states)
+    except TimeoutError as late:
+        return "not decided", str(late), True
     if proof.proven:
         return "proven", f"{proof.states} states", not plain.violated
     if proof.counterexample is None:
@@ -127,17 +131,30 @@ def answer(case: Case, plain: ContractVerdict, max_states: int) -> tuple[str, st
     return "counterexample", moment if replays else f"DOES NOT REPLAY: {moment}", replays
 
 
+def give_up(seconds: int) -> None:
+    """Raise TimeoutError after so many seconds of processor time."""
+
+    def late(*_: object) -> None:
+        raise TimeoutError(f"more than {seconds} s")
+
+    signal.signal(signal.SIGPROF, late)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repositories", type=Path, help="clones of public repositories, OWNER/NAME")
     parser.add_argument("--max-states", type=int, default=MAX_STATES)
+    parser.add_argument("--seconds", type=int, default=60, help="of processor time for each proof")
     parser.add_argument("names", nargs="*", help="names, or parts of public ones (default: all)")
     given = parser.parse_args()
     found, wrong = Counter[str](), 0
     cases = public(given.repositories, given.names) if given.repositories else ours(given.names)
     for case in cases:
         began, run = time.process_time(), case.run()
+        give_up(given.seconds)
         word, why, consistent = answer(case, run, given.max_states)
+        give_up(0)
         found[word] += 1
         wrong += not consistent
         print(

@@ -241,6 +241,30 @@ def test_a_wait_of_any_length_is_one_state_where_only_what_is_too_early_counts()
     assert proof(image(WAITS), contract.format(11)).counterexample is not None
 
 
+UNWRITTEN = """
+        bsf     STATUS, RP0
+        clrf    TRISB
+        bcf     STATUS, RP0
+loop    movlw   .50
+        movwf   0x20
+wait    decfsz  0x20, f
+        goto    wait
+        movlw   8
+        xorwf   PORTB, f
+        goto    loop
+"""
+"""Levels of 1 + 1 + 3 * 50 - 1 + 1 + 1 + 2 cycles, whichever the latch had at power-up."""
+
+
+def test_an_output_that_is_not_written_at_first_has_either_level() -> None:
+    program = image(UNWRITTEN)
+    pulse = '[[pulse]]\npin = "RB3"\nhigh_us = [155, 155]\n'
+    found = proof(program, pulse, Quantifiers(resets=False))
+    assert found.counterexample is not None  # from a high latch on the first pulse has no whole turn
+    assert replayed(program, pulse, found).startswith("violated")
+    assert proof(program, pulse.replace("[155, 155]", "[153, 155]")).proven
+
+
 def test_what_no_read_tells_is_not_decided() -> None:
     program = image(ANSWER.format(delay=""))
     pattern = '[[response]]\nwhen = ["RB0 falls", "RB0 rises"]\nthen = "RB4 rises"\nwithin_us = [0, 9]\n'
