@@ -6,9 +6,10 @@ Half of the mutants are a byte of `tape.bin` each, drawn from every class of byt
 width, sum, end); the other half a word of the reader, one bit changed. Each runs beside the original.
 
 A tape's mutant is found by the reader, which ends in its safe state after nothing but right pulses, or only
-by the comparison with the schedule. A word's mutant is found if some pin differs in one of four runs: with
-the tape, with one that has a wrong width, with one of another identity, and with no EEPROM. Exit code 1 if a
-byte is found by neither; words that change nothing in these runs are listed.
+by the comparison with the schedule. A word's mutant, of which one bit that its instruction has is changed,
+is found if some pin differs in one of five runs: with the tape, with one that has a wrong width, with one of
+another identity, with no EEPROM, and with an SDA that stays low. Exit code 1 if a byte is found by neither;
+words that change nothing in these runs are listed.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from servogen.pic.isa import decode
 from servogen.programs import Program, read_program, read_schedule
 from servogen.pulse import PulseSchedule
 from servogen.pulse.expected import expected
+from servogen.simulator import EEPROM24, SimulatorOptions, on_pins
 from servogen.units import Cycles
 from servogen.workflows.verification import judge_edges, motion_cycles
 
@@ -45,13 +47,18 @@ class Outcome:
     remarks: tuple[str, ...]
 
 
-def run(schedule: PulseSchedule, image: Image, cycles: int) -> Outcome:
-    machine = machine_of(schedule, image)
+def run(board: Board, image: Image, cycles: int) -> Outcome:
+    schedule, options = board
+    machine = machine_of(schedule, image, options)
     others = expected(schedule).others
     trace = EdgeTrace(schedule.clock, (machine.run(cycles),), Cycles(cycles)).without(others)
     edges = join(trace.chunks)
     remarks = tuple(remark.message for device in machine.devices for _, remark in device.remarks)
     return Outcome(b"".join(column.tobytes() for column in edges), remarks)
+
+
+Board = tuple[PulseSchedule, SimulatorOptions]
+"""A schedule with its tape, and what else is around the chip."""
 
 
 def with_content(schedule: PulseSchedule, content: bytes) -> PulseSchedule:
@@ -124,17 +131,21 @@ def word_mutants(program: Program, count: int, rng: random.Random) -> Iterator[t
             after = [start for start in starts if start > function.start]
             end = after[0] if after else words[-1] + 1
             spans += [address for address in words if function.start <= address < end]
-    for _ in range(count):
+    while count:
         address = rng.choice(spans)
         changed = dict(program.image.program)
         changed[address] ^= 1 << rng.randrange(14)
-        yield address, replace(program.image, program=changed)
+        if named(changed[address]) != named(program.image.program[address]):
+            count -= 1
+            yield address, replace(program.image, program=changed)
 
 
 def named(word: int) -> str:
     """Return a word as an instruction."""
     decoded = decode(word)
-    return "no instruction" if decoded is None else f"{decoded.instruction.mnemonic} {word & 0x3FF:03X}"
+    if decoded is None:
+        return f"no instruction, {word:04X}"
+    return f"{decoded.instruction.mnemonic} f={decoded.f:02X} d={decoded.d} b={decoded.b} k={decoded.k:03X}"
 
 
 def main() -> int:
@@ -157,11 +168,14 @@ def main() -> int:
         counts[name, judge_tape(schedule, program.image, mutant, lost)] += 1
     cycles = schedule.run_cycles(motion_cycles(schedule) + BEYOND_FRAMES * schedule.period)
     width = FIRST + 1 + 2 * servos // 2
+    tape, alone, plain = schedule.tape, replace(schedule, tape=None), SimulatorOptions()
+    other = on_pins(EEPROM24(address=7), scl=tape.scl, sda=tape.sda)
     boards = [
-        schedule,
-        with_content(schedule, data[:width] + bytes([data[width] ^ 4]) + data[width + 1 :]),
-        with_content(schedule, bytes([data[0] ^ 1]) + data[1:]),
-        replace(schedule, tape=None),
+        (schedule, plain),
+        (with_content(schedule, data[:width] + bytes([data[width] ^ 4]) + data[width + 1 :]), plain),
+        (with_content(schedule, bytes([data[0] ^ 1]) + data[1:]), plain),
+        (alone, SimulatorOptions(devices=(other,))),
+        (alone, plain),  # without a resistor SDA reads as 0
     ]
     right = [run(board, program.image, cycles) for board in boards]
     survivors = []
@@ -173,7 +187,7 @@ def main() -> int:
     for (name, how), number in sorted(counts.items()):
         print(f"{name:14} {how:12} {number:4}")
     for address, word, other in survivors:
-        print(f"0x{address:03X}: 0x{word:04X} {named(word)} as 0x{other:04X} {named(other)}: the same pins")
+        print(f"0x{address:03X}: {named(word)} as {named(other)}: the same pins")
     return int(any(how == "NOT FOUND" and name != "reader's word" for name, how in counts))
 
 

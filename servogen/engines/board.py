@@ -87,7 +87,8 @@ def board_of(
     tape = schedule.tape
     if tape is not None:
         eeprom = on_pins(EEPROM24(tape.content, tape.eeprom), scl=tape.scl, sda=tape.sda)
-        options = replace(options, devices=(*options.devices, eeprom))
+        if eeprom not in options.devices:
+            options = replace(options, devices=(*options.devices, eeprom))
     if any(channel.pin == OPEN_DRAIN_PIN for channel in schedule.channels):
         return replace(options, ra4_pull_up=True)
     return options

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from servogen.engines.inputs import given
 from servogen.engines.inputs.commands import CommandButton, CommandLine
+from servogen.engines.inputs.tape import SDA, Tape
 from servogen.engines.inputs.wire import FrameWire
 from servogen.job import Job
 from servogen.pic.device import OPEN_DRAIN_PIN, PACKAGE
@@ -54,6 +55,13 @@ def wires(job: Job) -> Iterator[Wire]:
         yield Wire(numbers[pin], pin, f"serial line in, {stream.baud} baud, 5 V, idle high")
         if stream.transmit_pin:
             yield Wire(numbers[stream.transmit_pin], stream.transmit_pin, "serial line out, 5 V, idle high")
+    tape = given(job.inputs, Tape)
+    if tape is not None:
+        bus = (("SCL (6)", tape.scl), ("SDA (5)", SDA))
+        for line, pin in bus:
+            yield Wire(numbers[pin], pin, f"{line} of the {tape.eeprom} with tape.bin, 4.7 kOhm to VDD")
+        if tape.error_pin is not None:
+            yield Wire(numbers[tape.error_pin], tape.error_pin, "out: high once the tape could not be read")
     chips = given(job.inputs, FrameWire)
     crystal = ("crystal, 22 pF to VSS", "crystal, 22 pF to VSS")
     if chips is not None:
@@ -90,6 +98,8 @@ def remarks(job: Job) -> Iterator[str]:
     if unknown:
         yield f"Peak current not stated by the maker of: {', '.join(unknown)}."
     yield "The servos take it from a supply of their own, not through the chip's."
+    if given(job.inputs, Tape) is not None:
+        yield "The EEPROM: pins 1 to 4 (A0 to A2, VSS) to ground, 8 (VCC) and 7 (WP, against writes) to +5 V."
     yield from job.buttons.text()
     if job.commands:
         yield from job.commands.text()

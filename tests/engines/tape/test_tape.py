@@ -9,12 +9,14 @@ from dataclasses import replace
 import pytest
 
 from servogen.edges import PINS
+from servogen.engines.board import machine_of
 from servogen.engines.tape.content import FIRST, content, tape_hex
 from servogen.errors import InputError
 from servogen.pic.image import Image
 from servogen.prove import prove_for_all
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import Channel, Pulse, Run
+from servogen.simulator import EEPROM24, LevelChange, SimulatorOptions, on_pins
 from servogen.units import Clock, Cycles
 from servogen.workflows.certificates import kept
 from tests.engines.tape.tape_jobs import (
@@ -149,8 +151,12 @@ def test_without_an_eeprom_and_with_an_erased_one_there_are_no_pulses() -> None:
     played, image = made()
     schedule = played.plan.schedule
     assert pulse_count(image, schedule, 20) > 10
-    for absent in (without_eeprom(schedule), with_content(schedule, b"")):
+    for absent in (without_eeprom(schedule), with_content(schedule, b"")):  # SDA stays low; all is FFh
         assert pulse_count(image, absent, 20) == 0
+    other = on_pins(EEPROM24(tape_of().content.data, address=1), scl="RA3", sda="RA4")
+    machine = machine_of(without_eeprom(schedule), image, SimulatorOptions(devices=(other,)))
+    edges = machine.run(20 * schedule.period)
+    assert not ((edges.pin == PINS.index("RB0")) & (edges.level == 1)).any()
 
 
 def test_an_eeprom_that_is_pulled_out_while_it_plays_releases_the_pulses() -> None:
@@ -165,8 +171,6 @@ def test_an_eeprom_that_is_pulled_out_while_it_plays_releases_the_pulses() -> No
 
 def test_a_reset_in_the_midst_of_a_byte_begins_again() -> None:
     """The EEPROM is still giving a byte: it lets go of SDA within nine clocks."""
-    from servogen.simulator import LevelChange
-
     played, image = made()
     schedule = played.plan.schedule
     for late in range(0, 1200, 97):
