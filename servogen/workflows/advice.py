@@ -21,6 +21,7 @@ from servogen.compiler import WORDS_NEEDED
 from servogen.engines.firmware import ResourceError
 from servogen.engines.player.layout import Demand
 from servogen.engines.player.shares import Shares, shares
+from servogen.engines.registry import suitable
 from servogen.errors import InputError, ServogenError
 from servogen.job import PlannedJob, plan_job
 from servogen.job.reader import AUTO, changed
@@ -248,9 +249,12 @@ def advised(
 
 def _shares(job: PlannedJob) -> Shares | None:
     """Return what the parts of the motion take in the player; None if it cannot be encoded at all, and for a
-    job that names another engine.
+    job of another engine.
     """
-    if job.stream is not None or job.firmware.engine not in (AUTO, "player"):
+    if "player" not in suitable({each.kind for each in job.inputs}) or job.firmware.engine not in (
+        AUTO,
+        "player",
+    ):
         return None
     try:
         return shares(job)

@@ -1,13 +1,20 @@
 """A program that is a reader and writer of I²C by hand: SCL on RA0, driven, SDA on RA1, pulled low or let go.
 
-`program` makes one from a list of what it does on the bus.
+`program` makes one from a list of what it does on the bus. `Probe` sees the wires, and `sigrok_words` is what
+sigrok's decoder reads there.
 """
 
 from __future__ import annotations
 
+import subprocess
 from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
+from servogen.errors import Diagnostic
 from servogen.pic.image import Image
+from servogen.units import Clock
 from tests.simulator.helpers import image
 
 FIRST = 0x20
@@ -103,3 +110,43 @@ def program(steps: Sequence[str | int]) -> Image:
         else:
             lines.append(f" call {step}\n")
     return image(f"{HEAD}{''.join(lines)}end_ goto end_\n")
+
+
+@dataclass
+class Probe:
+    """A device that pulls nothing and notes every level of its lines."""
+
+    seen: list[tuple[int, int]] = field(default_factory=list)
+    remarks: tuple[tuple[int, Diagnostic], ...] = ()
+    lines = ("scl", "sda")
+
+    def power_up(self, clock: Clock) -> Probe:
+        return self
+
+    def off(self) -> Probe:
+        return self
+
+    def react(self, cycle: int, levels: int) -> int:
+        self.seen.append((cycle, levels))
+        return 0
+
+    def snapshot(self) -> Any:
+        return len(self.seen)
+
+    def restore(self, state: Any) -> None:
+        del self.seen[state:]
+
+    def relative(self, cycle: int) -> Any:
+        return None
+
+
+def sigrok_words(seen: Sequence[tuple[int, int]], end: int, folder: Path) -> list[str]:
+    """Return what sigrok says of the wires, SCL and SDA as bits of (cycle, levels), a sample a cycle."""
+    samples = bytearray()
+    for (at, levels), (then, _) in zip([(0, 3), *seen], [*seen, (end, 3)], strict=True):
+        samples += bytes([levels]) * (then - at)
+    (folder / "wires.bin").write_bytes(samples)
+    command = ("sigrok-cli", "-I", "binary:numchannels=2:samplerate=1000000", "-i", str(folder / "wires.bin"))
+    decoder = ("-P", "i2c:scl=0:sda=1", "-A", "i2c=addr-data")
+    said = subprocess.run((*command, *decoder), capture_output=True, text=True, check=True, timeout=60)
+    return [line.removeprefix("i2c-1: ") for line in said.stdout.splitlines()]

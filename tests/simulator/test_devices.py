@@ -8,54 +8,25 @@ import random
 import re
 import shutil
 import subprocess
-from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from servogen.errors import Diagnostic, InputError
+from servogen.errors import InputError
 from servogen.pic.image import to_hex
 from servogen.simulator import EEPROM24, Machine, SimulatorOptions, on_pins
 from servogen.simulator.eeprom24 import PARTS, RunningEEPROM
 from servogen.testing.chip import Board, Chip
 from servogen.units import Clock
 from tests.simulator.helpers import CLOCK, image, ram
-from tests.simulator.i2c import FIRST, program
+from tests.simulator.i2c import FIRST, Probe, program, sigrok_words
 
 BYTES = bytes(random.Random(1).randbytes(32768))
 READ_3 = ("start", 0xA0, 0x7F, 0xFE, "start", 0xA1, "take", "yes", "take", "yes", "take", "no", "stop")
 WRITE_3 = ("start", 0xA0, 0x01, 0x3F, 1, 2, 3, "stop")
 """Three bytes from the last one of a page on: the others are the page's first ones."""
-
-
-@dataclass
-class Probe:
-    """A device that pulls nothing and notes every level of its lines."""
-
-    seen: list[tuple[int, int]] = field(default_factory=list)
-    remarks: tuple[tuple[int, Diagnostic], ...] = ()
-    lines = ("scl", "sda")
-
-    def power_up(self, clock: Clock) -> Probe:
-        return self
-
-    def off(self) -> Probe:
-        return self
-
-    def react(self, cycle: int, levels: int) -> int:
-        self.seen.append((cycle, levels))
-        return 0
-
-    def snapshot(self) -> Any:
-        return len(self.seen)
-
-    def restore(self, state: Any) -> None:
-        del self.seen[state:]
-
-    def relative(self, cycle: int) -> Any:
-        return None
 
 
 def on_bus(steps: tuple[str | int, ...], *devices: Any, clock: Clock = CLOCK) -> Machine:
@@ -324,23 +295,9 @@ def test_random_transactions_do_what_a_plain_reading_of_the_data_sheet_says(part
 
 @pytest.mark.skipif(not shutil.which("sigrok-cli"), reason="sigrok-cli is not installed")
 def test_sigrok_decodes_the_wires_of_a_run_as_what_the_program_asked_for(tmp_path: Path) -> None:
-    """Times in samples of a cycle; the last line is the write, of which the EEPROM has not said when."""
     probe = Probe()
     on_bus((*READ_3, *WRITE_3, "start", 0xA0, "stop"), EEPROM24(BYTES), probe).run(4000)
-    samples = bytearray()
-    for (at, levels), (then, _) in zip([(0, 3), *probe.seen], [*probe.seen, (4000, 3)], strict=True):
-        samples += bytes([levels]) * (then - at)
-    (tmp_path / "wires.bin").write_bytes(samples)
-    command = (
-        "sigrok-cli",
-        "-I",
-        "binary:numchannels=2:samplerate=1000000",
-        "-i",
-        str(tmp_path / "wires.bin"),
-    )
-    decoder = ("-P", "i2c:scl=0:sda=1", "-A", "i2c=addr-data")
-    said = subprocess.run((*command, *decoder), capture_output=True, text=True, check=True, timeout=60)
-    words = [line.removeprefix("i2c-1: ") for line in said.stdout.splitlines()]
+    words = sigrok_words(probe.seen, 4000, tmp_path)
     ends = [f"{BYTES[n]:02X}" for n in (0x7FFE, 0x7FFF, 0)]
     address = ["Start", "Write", "Address write: 50", "ACK"]
     assert words == [

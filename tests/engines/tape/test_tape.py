@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import random
+import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -31,6 +33,7 @@ from tests.engines.tape.tape_jobs import (
     with_content,
     without_eeprom,
 )
+from tests.simulator.i2c import Probe, sigrok_words
 
 ERROR_PIN = 'on_error = "{}"\nerror_pin = "RA0"'
 
@@ -167,6 +170,26 @@ def test_an_eeprom_that_is_pulled_out_while_it_plays_releases_the_pulses() -> No
     half = with_content(schedule, data[:100])
     seen = pulse_count(image, half, 60)
     assert 0 < seen < whole
+
+
+@pytest.mark.skipif(not shutil.which("sigrok-cli"), reason="sigrok-cli is not installed")
+def test_sigrok_reads_the_tape_from_the_wires(tmp_path: Path) -> None:
+    """All of it, and over the end back to the loop."""
+    played, image = made()
+    schedule, tape = played.plan.schedule, tape_of().content
+    probe = Probe()
+    around = SimulatorOptions(devices=(on_pins(probe, scl="RA3", sda="RA4"),))
+    machine = machine_of(schedule, image, around)
+    machine.run(100 * schedule.period)
+    words = sigrok_words(probe.seen, 100 * schedule.period, tmp_path)
+    assert [word for word in words if word.startswith("Data write")] == [
+        *("Data write: 00", "Data write: 00"),
+        *(f"Data write: {byte:02X}" for _ in range(2) for byte in tape.loop.to_bytes(2, "big")),
+    ]
+    read = bytes(int(word.split(": ")[1], 16) for word in words if word.startswith("Data read"))
+    looped = tape.data + tape.data[tape.loop :] * 2
+    assert len(read) > len(tape.data) + 40
+    assert read == looped[: len(read)]
 
 
 def test_a_reset_in_the_midst_of_a_byte_begins_again() -> None:
