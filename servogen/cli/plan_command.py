@@ -141,6 +141,7 @@ def _show_plan(facts: PlanFacts, horns: tuple[Horn, ...]) -> None:
 
 def _show_servos(job: PlannedJob, facts: tuple[ServoFacts, ...]) -> None:
     joints = {binding.servo: binding.joint for binding in job.bindings}
+    joints |= {each.name: joints.get(each.leader, "") for each in job.followers}
     rows = []
     for row in facts:
         model, unit = row.servo.model, row.servo.model.unit

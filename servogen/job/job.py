@@ -13,6 +13,7 @@ from servogen.engines.inputs.serial import Stream
 from servogen.errors import Diagnostic, Location
 from servogen.job.chips import PairedChip
 from servogen.job.ends import End, moved_ends
+from servogen.job.followers import Follower
 from servogen.job.schema import ExpectTable, Section, SensorTable, SupplyTable
 from servogen.job.tip import Tip
 from servogen.kinematics.protocol import DrivingRobot
@@ -55,8 +56,9 @@ class NamedPose:
 class Job:
     """A job before planning.
 
-    `bindings` are the joints that the servos turn, `tip` the end of the leg or arm that they move, `robot`
-    the robot of [robot], `wheels` the servos of the wheels 1, 2, … of a drive.
+    `bindings` are the joints that the servos turn, but for `followers`, which turn them with another servo;
+    `tip` is the end of the leg or arm that they move, `robot` that of [robot], `wheels` are the servos of
+    the wheels 1, 2, … of a drive.
     """
 
     name: str
@@ -68,6 +70,7 @@ class Job:
     clock: Clock
     servos: tuple[Servo, ...]
     bindings: tuple[Binding, ...]
+    followers: tuple[Follower, ...]
     robot: Robot | None
     tip: Tip | None
     wheels: tuple[str, ...]
@@ -98,6 +101,17 @@ class Job:
         """
         others = self.chips[1 - shown].servos if self.chips else ()
         return tuple(PINS.index(servo.pin) + OTHER_PINS * (servo.name in others) for servo in self.servos)
+
+    @property
+    def leading(self) -> tuple[Servo, ...]:
+        """Return the servos that follow none."""
+        following = {follower.name for follower in self.followers}
+        return tuple(servo for servo in self.servos if servo.name not in following)
+
+    def together(self, servo: str) -> tuple[Servo, ...]:
+        """Return a servo and those that follow it."""
+        names = {servo, *(each.name for each in self.followers if each.leader == servo)}
+        return tuple(each for each in self.servos if each.name in names)
 
     @property
     def buttons(self) -> ControlButtons:

@@ -14,6 +14,7 @@ import numpy as np
 
 from servogen.errors import Diagnostic, InputError
 from servogen.job.drives import drive_of
+from servogen.job.followers import followed, unlike_mirrors
 from servogen.job.job import Job, NamedPose, PlannedJob
 from servogen.job.poses import poses_of
 from servogen.job.schema import SECTIONS, DriveTable, MotionTable, ProgramTable, Section, WalkTable
@@ -41,22 +42,39 @@ def plan_job(
     job's route; without `cycles` the walk never ends. `others` are the segments that the robot may walk next
     without taking another stance.
     """
+    whole, job = job, replace(job, servos=job.leading)
     section = job.section if segment is None else _walking(job, segment)
-    planned, poses, directions = _motion(job, section, others)
+    planned, poses, directions = _motion(whole, job, section, others)
     _check_travel(job, section, planned.trajectory.angles)
     for direction in directions:
         _check_travel(job, section, direction.angles)
     _check_soft_start(job, planned)
-    values = {field.name: getattr(job, field.name) for field in fields(Job)}
+    values = {field.name: getattr(whole, field.name) for field in fields(Job)}
+    mirrors = unlike_mirrors(whole.servos, whole.followers)
     return PlannedJob(
         **{**values, "section": section},
-        trajectory=planned.trajectory,
-        poses=poses,
-        warnings=(*planned.warnings, *_overloads(job, planned), *_unlike_their_side(job)),
+        trajectory=_of_all(whole, planned.trajectory),
+        poses=tuple(
+            replace(pose, angles=tuple(_followed(whole, np.array(pose.angles)).tolist())) for pose in poses
+        ),
+        warnings=(*planned.warnings, *_overloads(whole, job, planned), *_unlike_their_side(job), *mirrors),
         notes=planned.notes,
-        directions=directions,
+        directions=tuple(replace(each, angles=_followed(whole, each.angles)) for each in directions),
         parts=planned.parts,
     )
+
+
+def _followed(job: Job, angles: Floats) -> Floats:
+    """Return the angles (…, servos) of all servos; those given are without the servos that follow another."""
+    return followed(angles, job.servos, job.followers) if job.followers else angles
+
+
+def _of_all(job: Job, motion: JointTrajectory) -> JointTrajectory:
+    """Return the motion of all servos, from that of those which follow none."""
+    if not job.followers:
+        return motion
+    names = tuple(servo.name for servo in job.servos)
+    return replace(motion, joints=names, angles=_followed(job, motion.angles))
 
 
 SIDE = 3
@@ -117,15 +135,16 @@ def _key(section: Section) -> str:
 
 
 def _motion(
-    job: Job, section: Section | None, others: Sequence[Segment]
+    whole: Job, job: Job, section: Section | None, others: Sequence[Segment]
 ) -> tuple[PlannedPoses, tuple[NamedPose, ...], tuple[CommandedDirection, ...]]:
     """Return the motion of the section, its poses if it has any, and the directions of a walk on command."""
     period = job.frame.period.cycles
-    limits = _limits(job)
+    limits = _limits(whole, job)
     match section:
         case None:
             return PlannedPoses(_still(job.servos, period, job.clock)), (), ()
         case MotionTable():
+            _check_poses(job, section)
             poses = poses_of(job.document, section, job.servos, job.tip)
             names = tuple(servo.name for servo in job.servos)
             motion = Motion(
@@ -134,7 +153,7 @@ def _motion(
                 repeat=section.repeat,
                 release_at_end=section.end == "release",
                 limits=limits,
-                torque=_torque(job),
+                torque=_torque(whole, job),
             )
             rows = zip(section.poses, poses, strict=True)
             named = tuple(NamedPose(row.name, pose.angles) for row, pose in rows)
@@ -150,6 +169,21 @@ def _motion(
             return program_of(job, section, limits), (), ()
         case DriveTable():
             return drive_of(job, section), (), ()
+
+
+def _check_poses(job: Job, section: MotionTable) -> None:
+    """Raise InputError for a pose that places a servo which follows another."""
+    leaders = {follower.name: follower.leader for follower in job.followers}
+    for index, row in enumerate(section.poses):
+        for key in row.model_extra or ():
+            name = key.removesuffix("_s").removesuffix("_deg").removesuffix("_us")
+            if name in leaders and name != key:
+                raise job.document.error(
+                    "conflicting-keys",
+                    ("motion", "poses", index, key),
+                    f"{name} follows {leaders[name]}: its angle is not its own",
+                    f"place {leaders[name]}",
+                )
 
 
 def _still(servos: Sequence[Servo], period: Cycles, clock: Clock) -> JointTrajectory:
@@ -168,47 +202,52 @@ def _joint_limits(job: Job, limits: tuple[JointLimits, ...]) -> tuple[JointLimit
         for limit in (by_name[binding.servo],)
     )
     order = [binding.servo for binding in job.bindings]
-    for index, servo in enumerate(job.servos):
+    rows = [row["name"] for row in job.document.data["servo"]]
+    for servo in job.servos:
         if servo.name not in order:
             raise job.document.error(
                 "joint-binding",
-                ("servo", index),
+                ("servo", rows.index(servo.name)),
                 f"{servo.name} turns no joint of the robot",
                 "state the joint: joint = …",
             )
     return joints
 
 
-def _limits(job: Job) -> tuple[JointLimits, ...]:
-    """Return the limits of each servo, narrowed to those of the joint that it turns."""
+def _limits(whole: Job, job: Job) -> tuple[JointLimits, ...]:
+    """Return the limits of each servo, narrowed to those of the joint that it turns and of its followers."""
     limbs = job.robot.limbs if job.robot else ()
     joints = {name: joint.speed for limb in limbs for name, joint in limb.joints.items()}
     bound = {binding.servo: binding for binding in job.bindings}
     limits = []
     for servo in job.servos:
-        speed = math.inf if servo.model.speed is None else servo.model.speed
+        models = [each.model for each in whole.together(servo.name)]
+        speed = min(math.inf if model.speed is None else model.speed for model in models)
         binding = bound.get(servo.name)
         top = joints.get(binding.joint) if binding else None
         if binding and top is not None:
             speed = min(speed, top * abs(binding.ratio))
-        limits.append(JointLimits(speed, servo.model.acceleration or math.inf))
+        limits.append(JointLimits(speed, min(model.acceleration or math.inf for model in models)))
     return tuple(limits)
 
 
-def _torque(job: Job) -> TorqueLimits | None:
+def _torque(whole: Job, job: Job) -> TorqueLimits | None:
     """Return the torques of an arm's servos; None if no mass or no torque is known."""
     tip = job.tip
     if tip is None or not has_masses(tip.limb.arm):
         return None
-    stated = np.array([servo.model.torque_nm or math.inf for servo in tip.servos])
+    stated = np.array(
+        [sum(each.model.torque_nm or math.inf for each in whole.together(servo.name)) for servo in tip.servos]
+    )
     if np.isinf(stated).all():
         return None
     columns = tuple(job.servos.index(servo) for servo in tip.servos)
     return TorqueLimits(tip.limb.arm, tip.bindings, columns, stated)
 
 
-def _overloads(job: Job, planned: PlannedPoses) -> Iterator[Diagnostic]:
-    """Yield a warning for each servo of an arm whose links and payload need more than its torque.
+def _overloads(whole: Job, job: Job, planned: PlannedPoses) -> Iterator[Diagnostic]:
+    """Yield a warning for each servo of an arm whose links and payload need more than its torque; servos on
+    one joint share it equally.
 
     An arm without stated masses is not checked. A servo that turns `ratio` radians per unit of its joint
     must supply 1 / ratio of the joint's torque; a frame without pulses (NaN) needs none.
@@ -228,8 +267,10 @@ def _overloads(job: Job, planned: PlannedPoses) -> Iterator[Diagnostic]:
     for index, (binding, servo) in enumerate(zip(tip.bindings, tip.servos, strict=True)):
         torque = np.full(len(angles), np.nan)
         # By the power balance: the servo turns `ratio` times as fast as its joint.
-        torque[pulsed] = np.abs(torques[:, index] / binding.ratio)
-        yield from check_torque(servo.model, binding.joint, torque, servo=servo.name, place=servo.place)
+        group = whole.together(servo.name)
+        torque[pulsed] = np.abs(torques[:, index] / binding.ratio) / len(group)
+        for each in group:
+            yield from check_torque(each.model, binding.joint, torque, servo=each.name, place=each.place)
 
 
 def _check_travel(job: Job, section: Section | None, angles: Floats) -> None:

@@ -302,6 +302,7 @@ def _job(document: Document) -> Job:
         clock=clock,
         servos=servos,
         bindings=rig.bindings,
+        followers=rig.followers,
         robot=rig.robot,
         tip=rig.tip,
         wheels=table.drive.wheels if table.drive else (),

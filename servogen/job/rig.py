@@ -16,6 +16,7 @@ from pathlib import Path
 from servogen.edges import PINS
 from servogen.errors import InputError, Location, did_you_mean
 from servogen.job.chips import PairedChip
+from servogen.job.followers import Follower, at_their_leaders, followers_of, within_each_other
 from servogen.job.schema import JobTable, LegTable, ServoTable
 from servogen.job.tip import ArmTip, LegTip, Tip
 from servogen.kinematics import catalogue
@@ -156,7 +157,13 @@ def bindings_of(
                 did_you_mean(row.joint, sliding),
             )
         if row.joint in [binding.joint for binding in bindings]:
-            raise document.error("joint-binding", key, f"two servos turn the joint '{row.joint}'")
+            first = next(binding.servo for binding in bindings if binding.joint == row.joint)
+            raise document.error(
+                "joint-binding",
+                key,
+                f"two servos turn the joint '{row.joint}'",
+                f'write follows = "{first}" in place of joint; reverse = true if they face each other',
+            )
         if sliding[row.joint] != (row.deg_per_mm is not None):
             kind, wanted = ("slides", "deg_per_mm") if sliding[row.joint] else ("turns", "ratio")
             raise document.error(
@@ -178,6 +185,7 @@ class JobRig:
     """What the servos move; `tip` is None if it cannot be positioned: no robot, or joints without servos."""
 
     servos: tuple[Servo, ...]
+    followers: tuple[Follower, ...]
     robot: Robot | None
     bindings: tuple[Binding, ...]
     tip: Tip | None
@@ -185,17 +193,25 @@ class JobRig:
 
 def rig_of(document: Document, table: JobTable, chips: Sequence[PairedChip] = ()) -> JobRig:
     """Return what the servos of a job move. Raises InputError."""
-    servos = servos_of(document, table.servo, chips)
+    followers = followers_of(document, table.servo)
+    servos = within_each_other(document, servos_of(document, table.servo, chips), followers)
+    rig = _rig(document, table, servos, followers)
+    return replace(rig, servos=at_their_leaders(rig.servos, followers))
+
+
+def _rig(
+    document: Document, table: JobTable, servos: tuple[Servo, ...], followers: tuple[Follower, ...]
+) -> JobRig:
     if table.leg is not None:
         if table.robot is not None:
             raise document.error(
                 "conflicting-keys", ("robot",), "[leg] is itself a robot", "remove one of the two"
             )
         bindings_of(document, table.servo, {})
-        tip = _leg(document, table.leg, servos)
-        return JobRig(servos, None, tip.bindings, tip)
+        tip = _leg(document, table.leg, servos, {follower.name for follower in followers})
+        return JobRig(servos, followers, None, tip.bindings, tip)
     if table.robot is None:
-        return JobRig(servos, None, bindings_of(document, table.servo, {}), None)
+        return JobRig(servos, followers, None, bindings_of(document, table.servo, {}), None)
     robot = _robot(document, table.robot.name)
     joints = {name: joint for limb in robot.limbs for name, joint in limb.joints.items()}
     bindings = bindings_of(document, table.servo, {name: not joint.turning for name, joint in joints.items()})
@@ -205,7 +221,7 @@ def rig_of(document: Document, table: JobTable, chips: Sequence[PairedChip] = ()
         joints[binding.joint], by_name[binding.servo] = binding.within_both(
             replace(joints[binding.joint], name=binding.joint), by_name[binding.servo], place
         )
-    return JobRig(tuple(by_name.values()), robot, bindings, _tip(robot, joints, bindings, by_name))
+    return JobRig(tuple(by_name.values()), followers, robot, bindings, _tip(robot, joints, bindings, by_name))
 
 
 def _robot(document: Document, name: str) -> Robot:
@@ -236,7 +252,7 @@ def _tip(
     return ArmTip(robot, on_servos, mine, tuple(servos[binding.servo] for binding in mine))
 
 
-def _leg(document: Document, table: LegTable, servos: tuple[Servo, ...]) -> LegTip:
+def _leg(document: Document, table: LegTable, servos: tuple[Servo, ...], following: set[str]) -> LegTip:
     """Return the two-joint leg of [leg]. Raises InputError."""
     by_name = {servo.name: servo for servo in servos}
     for key in ("alpha", "beta"):
@@ -244,6 +260,10 @@ def _leg(document: Document, table: LegTable, servos: tuple[Servo, ...]) -> LegT
         if name not in by_name:
             raise document.error(
                 "unknown-servo", ("leg", key), f"there is no servo '{name}'", did_you_mean(name, by_name)
+            )
+        if name in following:
+            raise document.error(
+                "joint-binding", ("leg", key), f"{name} follows another servo: name that one here"
             )
     if table.alpha == table.beta:
         raise document.error("joint-binding", ("leg", "beta"), f"'{table.beta}' is the servo of both joints")

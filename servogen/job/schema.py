@@ -74,6 +74,8 @@ class ServoTable(FactKeys, Table):
     """Degrees of the servo per degree of a turning joint."""
     deg_per_mm: float | None = None
     """Degrees of the servo per millimetre of a sliding joint."""
+    follows: str | None = None
+    """The servo with which it turns the same joint, or the same angle: a second servo, often mirrored."""
 
 
 class LegTable(Table):

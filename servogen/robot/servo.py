@@ -208,6 +208,8 @@ class Servo:
     place: Location | None = None
     limited_by: str = TRAVEL
     """What sets the limits, for messages."""
+    rest: float | None = None
+    """The neutral angle, if it is that of another servo on the same joint."""
 
     @property
     def widths_us(self) -> tuple[float, float]:
@@ -220,6 +222,8 @@ class Servo:
         """Return the middle of the travel, or the nearest angle within the limits; for a wheel,
         standstill.
         """
+        if self.rest is not None:
+            return self.rest
         low, high = self.limits
         middle = 0.0 if self.model.continuous else sum(self.model.travel) / 2
         return min(max(middle, low), high)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from xml.etree import ElementTree as xml
 
@@ -83,8 +83,18 @@ class Scene:
     held_at: float = 0.0
 
     def servo_of(self, joint: str) -> Actuator | None:
-        """Return the servo that turns a joint; None if none does."""
-        return next((actuator for actuator in self.actuators if actuator.joint == joint), None)
+        """Return what turns a joint, several servos as if they were one; None if none does."""
+        group = [actuator for actuator in self.actuators if actuator.joint == joint]
+        if not group:
+            return None
+        return replace(
+            group[0],
+            lower=max(each.lower for each in group),
+            upper=min(each.upper for each in group),
+            friction=sum(each.friction for each in group),
+            armature=sum(each.armature for each in group),
+            backlash=min(each.backlash for each in group),
+        )
 
 
 def document(name: str, ground: Ground, step_s: float = STEP_S) -> tuple[xml.Element, xml.Element]:

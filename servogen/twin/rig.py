@@ -67,6 +67,10 @@ def rig_of(job: Job, broken: Sequence[str] = ()) -> TwinRig:
     bindings = job.bindings
     if job.wheels:
         bindings = tuple(Binding(f"wheel{number}", name) for number, name in enumerate(job.wheels, 1))
+    by_servo = {binding.servo: binding for binding in bindings}
+    bindings += tuple(
+        each.binding(by_servo[each.leader]) for each in job.followers if each.leader in by_servo
+    )
     columns = tuple(names.index(binding.servo) for binding in bindings)
     servos = tuple(job.servos[column] for column in columns)
     drives = tuple(drive_of(servo) for servo in servos)

@@ -174,6 +174,7 @@ def chip_jobs(job: PlannedJob) -> tuple[PlannedJob, PlannedJob]:
                 bindings=tuple(binding for binding in job.bindings if binding.servo in chip.servos),
                 trajectory=part_of(job.trajectory, chip.servos),
                 inputs=(chip.wire,),
+                followers=(),
                 # Of the whole robot: no chip moves it alone.
                 robot=None,
                 tip=None,
