@@ -75,10 +75,12 @@ def build(
     else:
         width_table(result.plan.widths, "report.txt")
         _program_table(result, theorems)
-        print("\n".join(timing_budgets_text(program_facts(result), result.job.clock)))
+        print_lines(timing_budgets_text(program_facts(result), result.job.clock))
         plan = plan_text(result.plan.schedule.plan_error)
-        print(f"{folder}: {'exact' if result.exact else 'NOT EXACT'}; {plan}; all of it in report.txt")
-        print("\n".join(_theorem_lines(result, folder, theorems)))
+        print_lines(
+            [f"{folder}: {'exact' if result.exact else 'NOT EXACT'}; {plan}; all of it in report.txt"]
+        )
+        print_lines(_theorem_lines(result, folder, theorems))
         print(f"next: servogen watch {job}, or servogen flash {folder / 'main.hex'}")
     warn_of_all(result.warnings)
     proven = all(verdict.valid or (verdict.missing and not prove) for verdict in theorems)
@@ -216,7 +218,7 @@ def _show_demo(shown: _Demo) -> None:
         exact = sum(program.exact for program in programs)
         proven = sum(verdict.valid for _, _, verdicts in shown.built for verdict in verdicts)
         jobs = f"{counted(len(shown.built), 'job')}, {counted(len(programs), 'program')} in {shown.output}/"
-        print(f"{jobs}: {exact} exact in one run, {proven} proven for every power-up, input and chip")
+        print_lines([f"{jobs}: {exact} exact in one run, {proven} proven for every power-up, input and chip"])
         files = [job for job, _, _ in shown.built]
         print(f"next: servogen watch {next((job for job in files if job.stem == SHOWN_FIRST), files[0])}")
     for error in shown.unread:

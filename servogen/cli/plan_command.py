@@ -16,7 +16,7 @@ from servogen.cli.options import (
     Json,
     Plot,
 )
-from servogen.cli.show import as_json, next_step, status, table, warn_of_all
+from servogen.cli.show import as_json, next_step, print_lines, status, table, warn_of_all
 from servogen.errors import ServogenError
 from servogen.job import Job, PlannedJob, load, plan_job
 from servogen.outputs import atomic_write, write_text
@@ -113,14 +113,11 @@ def _show_plan(facts: PlanFacts, horns: tuple[Horn, ...]) -> None:
     _show_horns(horns)
     if facts.ends:
         _show_ends(facts)
-    for note in job.notes:
-        print(note.message)
+    print_lines(note.message for note in job.notes)
     if facts.rigid_legs_end is not None:
         x, y, yaw = facts.rigid_legs_end
-        print(
-            f"rigid legs take the body {1000 * x:z.1f} mm forward, {1000 * y:z.1f} mm to the left "
-            f"and turn it by {degrees(yaw):z.1f}°"
-        )
+        moved = f"{1000 * x:z.1f} mm forward, {1000 * y:z.1f} mm to the left"
+        print_lines([f"rigid legs take the body {moved} and turn it by {degrees(yaw):z.1f}°"])
     if facts.worst is not None:
         worst = facts.worst
         print(
@@ -128,7 +125,7 @@ def _show_plan(facts: PlanFacts, horns: tuple[Horn, ...]) -> None:
             f"{worst.name} in frame {worst.frame} ({facts.seconds(worst.frame):.6g} s)"
         )
         if not facts.engine:
-            print("how far the engine's schedule is from the plan, which may be more: servogen check")
+            print_lines(["how far the engine's schedule is from the plan, which may be more: servogen check"])
     parts = [("lead-in", schedule.lead_in_frames), ("loop", schedule.loop_frames)]
     text = ", ".join(
         f"{name} of {counted(frames, 'frame')}, {facts.seconds(frames):g} s"
@@ -159,22 +156,14 @@ def _show_servos(job: PlannedJob, facts: tuple[ServoFacts, ...]) -> None:
                 _number(row.step_s),
             )
         )
-    table(
-        "Servos",
-        (
-            "servo",
-            "joint",
-            "range",
-            "limits",
-            "peak °/s",
-            "limit °/s",
-            "at frame",
-            "step °",
-            "needs s",
-            "has s",
-        ),
-        rows,
+    columns = (
+        *("servo", "joint", "range", "limits", "peak °/s", "limit °/s", "at frame"),
+        *("step °", "needs s", "has s"),
     )
+    said = [index for index in range(len(columns)) if any(row[index] != "" for row in rows)]
+    cells = [[row[index] for index in said] for row in rows]
+    least = [name for name in ("joint", "at frame") if columns.index(name) in said]
+    table("Servos", [columns[index] for index in said], cells, least=least)
 
 
 def _show_ends(facts: PlanFacts) -> None:
@@ -185,7 +174,9 @@ def _show_ends(facts: PlanFacts) -> None:
     table("Paths", ("end", "x mm", "y mm", "z mm"), rows)
     columns = [re.sub(r"_(mm|s)$", r" \1", column).replace("_", " ") for column in ERROR_COLUMNS]
     title = _of_what(facts)
-    table(title[0].upper() + title[1:], columns, list(error_rows(facts.ends, facts.seconds(1))))
+    least = [column for column in columns if column.startswith("jacobian")]
+    rows_of_ends = list(error_rows(facts.ends, facts.seconds(1)))
+    table(title[0].upper() + title[1:], columns, rows_of_ends, least=least)
 
 
 def _of_what(facts: PlanFacts) -> str:

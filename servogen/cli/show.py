@@ -43,9 +43,8 @@ def table(
     console.print(made)
     omitted = [name for index, name in enumerate(columns) if index not in shown]
     if omitted:
-        print(
-            f"not shown in {console.width} columns: {', '.join(omitted)}; a wider terminal or {JSON} has them"
-        )
+        where = f"not shown in {console.width} columns: {', '.join(omitted)}"
+        print_lines([f"{where}; a wider terminal or {JSON} has them"])
 
 
 def _columns_that_fit(

@@ -13,6 +13,7 @@ import { Twin } from "./twin.js";
 import { Timeline } from "./timeline.js";
 import { angleOf, RobotView, Servos, timeText, Waves } from "./viewer.js";
 
+const SEEN = `waves of ${location.pathname}`;   // which part of the waves a tab shows when it is left
 const PLACE = `window of ${location.pathname}`;   // where a tab keeps which window of the server's it is
 const DOCK = "servogen dock";
 const FOLLOW_MS = 100;   // between two drawings of the waves while it runs
@@ -206,14 +207,27 @@ class Page {
       this.twin.start(model, this.robot);
     }
     const options = this.options(model);
-    if (this.waves) this.waves.use(model, options);
-    else this.waves = this.seen.waves = new Waves(byId("waves"), model, options);
+    const loaded = !this.waves;
+    if (loaded) this.waves = this.seen.waves = new Waves(byId("waves"), model, options);
+    else this.waves.use(model, options);
     this.moment.use(model, this.waves);
+    if (loaded) this.lookAgain();
     this.compared();
     this.graded(model.graded);
     this.tools(model);
     if (this.answer) this.posed(this.answer);   // it has another ghost beside this model
     this.ask();
+  }
+  // Show the part of the waves, and the cursors, that were seen before the page was loaded again.
+  lookAgain() {
+    window.addEventListener("pagehide", () => {
+      const { begin, end, cursors } = this.waves;
+      sessionStorage.setItem(SEEN, JSON.stringify({ begin, end, cursors }));
+    });
+    const seen = JSON.parse(sessionStorage.getItem(SEEN));
+    if (!seen) return;
+    this.waves.show(seen.begin, seen.end);
+    seen.cursors.forEach((cycle, which) => { if (cycle !== null) this.waves.place(which, cycle); });
   }
   // The chip, its source, the hands: of this model alone.
   tools(model) {

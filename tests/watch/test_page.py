@@ -549,9 +549,14 @@ def test_text_is_legible_on_a_light_and_on_a_dark_page(watch: Open, dark: bool) 
 def test_a_window_keeps_its_place_when_it_is_loaded_again(watch: Open) -> None:
     page = watch(ROOT / "firmware" / "lab8-exercise" / "main.hex")
     go(page, 77_000)
+    page.run("watched.waves.show(70000, 80000)")
+    page.until("watched.waves.data.begin >= 60000 && watched.waves.end - watched.waves.begin === 10000")
+    page.run("watched.waves.place(0, 72000); watched.waves.place(1, 74000)")
     here = page.run("watched.latest.cycle")
     page.call("Page.reload")
     page.until(f"watched.latest?.cycle === {here}")
+    page.until("watched.waves?.begin === 70000 && watched.waves.end === 80000 && !!watched.waves.data")
+    assert page.run("watched.waves.cursors") == [72_000, 74_000]
 
 
 def test_the_keyboard_alone_suffices(watch: Open) -> None:

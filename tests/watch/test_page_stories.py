@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from random import Random
 
 import pytest
 
 pytest.importorskip("websockets", reason="the extra 'watch' is not installed")
 
-from tests.watch.browser import Page
+from tests.watch.browser import Browser, Page
 from tests.watch.test_page import LAB8, NO_TRIS, ROOT, Open, copy, go, slide, text, typed, watch  # noqa: F401 - a fixture
 
 TRIPOD = ROOT / "jobs" / "hexapod-tripod.toml"
@@ -256,6 +257,96 @@ def test_a_wrong_breakpoint_stays_to_be_mended_beside_its_reason(watch: Open, tm
     page.until("document.querySelectorAll('#breakpoints li').length === 1")
     assert page.run("document.getElementById('breakpoint').value") == ""
     assert text(page, "#breakpoint-said") == ""
+
+
+COUNTING = """\
+#pragma CLOCK_FREQ 4000000
+char count;
+void main(void)
+{
+    trisb = 0;
+    count = 0;
+    while (1) {
+        count++;
+        set_bit(portb, 0);
+        delay_us(100);
+        clear_bit(portb, 0);
+        delay_us(200);
+        delay_us(200);
+    }
+}
+"""
+"""RB0 rises for the 101st time about 50 ms after power-up, when `count` has gone past 100."""
+
+
+def test_it_stops_where_a_condition_begins_to_hold(watch: Open, tmp_path: Path) -> None:  # noqa: F811
+    program = tmp_path / "counting.c"
+    program.write_text(COUNTING)
+    page = watch(program)
+    page.click("#tab-source")
+    page.run("document.getElementById('breakpoint').focus()")
+    page.call("Input.insertText", text="count > 100")
+    page.press("Enter")
+    page.until("document.querySelectorAll('#breakpoints li').length === 1")
+    page.click("#run")
+    page.until("document.getElementById('said').textContent.startsWith('stopped at count > 100')")
+    page.until("!watched.latest.running")
+    assert 50_000 < page.run("watched.latest.cycle") < 52_000
+    assert "set_bit(portb, 0)" in page.until("document.querySelector('.line.here')?.textContent")
+
+
+def test_two_windows_have_moments_of_their_own_and_know_of_each_others_text(
+    watch: Open,  # noqa: F811
+    browser: Browser,
+    tmp_path: Path,
+) -> None:
+    """What one saves is what the other goes on from, if it has nothing of its own."""
+    job = copy(LAB8, tmp_path)
+    first = watch(job)
+    second = browser.page()
+    second.open(first.run("location.href"))
+    second.until("!document.getElementById('views').hidden && watched.latest && watched.waves.data")
+    go(second, 500_000)
+    first.call("Page.bringToFront")  # what is behind another window paints nothing
+    go(first, 3_000_000)
+    assert second.run("watched.latest.cycle") - 500_000 in range(3)
+    assert first.run("watched.latest.cycle") - 3_000_000 in range(3)
+    typed(first, "arm_deg = 120", "arm_deg = 150")
+    first.until("!document.getElementById('save').disabled")
+    first.click("#save")
+    second.until("document.getElementById('job-text').value.includes('arm_deg = 150')")
+    typed(second, "hold_s = 5", "hold_s = 4")
+    second.until("!document.getElementById('save').disabled")
+    second.click("#save")
+    first.until("document.getElementById('job-text').value.includes('hold_s = 4')")
+    assert "arm_deg = 150" in job.read_text() and "hold_s = 4" in job.read_text()
+    assert second.problems == []
+    second.close()
+
+
+def test_a_build_that_takes_long_is_stopped_and_the_text_mended_on_the_page(
+    watch: Open,  # noqa: F811
+    tmp_path: Path,
+) -> None:
+    """Poses in no order, whose program would be searched for minutes; the old text builds again."""
+    page = watch(copy(LAB8, tmp_path))
+    angles = Random(1)
+    poses = ", ".join(f"{{ arm_deg = {angles.randrange(181)}, hold_s = 0.02 }}" for _ in range(400))
+    before = LAB8.read_text()
+    long = before[: before.index("poses = [")] + f"poses = [{poses}]\n\n" + before[before.index("[frame]") :]
+    everything = "(e => { e.focus(); e.select(); })(document.getElementById('job-text'))"
+    page.run(everything)
+    page.call("Input.insertText", text=long)
+    page.until("!document.getElementById('build').disabled")
+    page.click("#build")
+    page.until("document.getElementById('build').textContent === 'stop'")
+    page.click("#build")
+    page.until("document.getElementById('build-progress').textContent.startsWith('stopped: ')")
+    assert page.run("document.getElementById('job-text').value") == long
+    page.run(everything)
+    page.call("Input.insertText", text=before)
+    build(page)
+    assert page.until("document.getElementById('build-progress').dataset.exact") == "true"
 
 
 def test_the_sliders_can_follow_the_chip_again(watch: Open, tmp_path: Path) -> None:  # noqa: F811
