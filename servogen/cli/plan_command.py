@@ -161,9 +161,9 @@ def _show_servos(job: PlannedJob, facts: tuple[ServoFacts, ...]) -> None:
         *("step °", "needs s", "has s"),
     )
     said = [index for index in range(len(columns)) if any(row[index] != "" for row in rows)]
-    cells = [[row[index] for index in said] for row in rows]
+    cells = [tuple(row[index] for index in said) for row in rows]
     least = [name for name in ("joint", "at frame") if columns.index(name) in said]
-    table("Servos", [columns[index] for index in said], cells, least=least)
+    table("Servos", tuple(columns[index] for index in said), cells, least=least)
 
 
 def _show_ends(facts: PlanFacts) -> None:

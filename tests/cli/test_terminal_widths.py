@@ -97,7 +97,7 @@ ROWS = [("hexapod-command", 912, 103, "2.126 µs, 0.765°, 0.964 mm at the foot 
 @pytest.mark.parametrize("width", [30, 40, 60, *WIDTHS, 200])
 def test_words_are_whole_and_columns_that_do_not_fit_are_named(screen: Screen, width: int) -> None:
     lines = screen(width, table, "Programs", COLUMNS, ROWS, ("words", "frames"))
-    text = " ".join(lines)
+    text = " ".join(line.strip() for line in lines)
     omitted = re.findall(r"not shown in \d+ columns: (.*); a wider", text)
     gone = omitted[0].split(", ") if omitted else []
     for index, (column, cell) in enumerate(zip(COLUMNS, ROWS[0], strict=True)):
@@ -129,5 +129,19 @@ def test_a_contracts_verdict_fits_the_terminal_and_loses_no_word(
 
 def test_columns_go_in_the_order_that_is_given_then_from_the_right(screen: Screen) -> None:
     rows = [("aaaa", "bbbb", "cccc", "dddd")]
-    named = [screen(width, table, "T", tuple("abcd"), rows, ("b",))[-1] for width in (24, 17, 9)]
-    assert [re.findall("columns: (.*);", line) for line in named] == [["b"], ["b, d"], ["b, c, d"]]
+    shown = [screen(width, table, "T", tuple("abcd"), rows, ("b",)) for width in (24, 17, 9)]
+    named = [" ".join(line.strip() for line in lines) for lines in shown]
+    assert [re.findall("columns: (.*);", text) for text in named] == [["b"], ["b, d"], ["b, c, d"]]
+
+
+def test_the_plan_of_twelve_servos_has_a_line_for_each_in_80_columns(
+    screen: Screen, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What no servo has, a step, is no column; and no line of the whole plan is longer than the terminal."""
+    lines = screen(80, command, monkeypatch, "plan", ROOT / "jobs/hexapod-tripod.toml")
+    servos = lines[: next(index for index, line in enumerate(lines) if line.startswith("Horns"))]
+    assert [line.split()[0] for line in servos if "to" in line.split()] == [
+        f"{side}{leg}-{joint}" for side in "LR" for leg in (1, 2, 3) for joint in ("turn", "lift")
+    ]
+    assert not any("step" in line for line in servos)
+    assert max(len(line.rstrip()) for line in lines if not line.startswith(str(ROOT))) <= 80

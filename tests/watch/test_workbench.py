@@ -155,6 +155,21 @@ def test_a_pose_is_linked_in_text_timeline_and_waves(watch: Open, tmp_path: Path
     page.until(f"{linked} === 2")
 
 
+def test_what_a_narrow_pose_says_is_whole(watch: Open, tmp_path: Path) -> None:  # noqa: F811
+    """Its number, and how long it is held where there is room for that: nothing runs under the handle."""
+    page = watch(copy(ROOT / "jobs" / "scara-pick.toml", tmp_path))
+    page.until("document.querySelectorAll('.pose').length === 6")
+    ends = (
+        "[...document.querySelectorAll('.pose')].map(e => {"
+        " const seen = [...e.querySelectorAll('b, span:not(.handle)')].filter(each => each.offsetWidth);"
+        " return [seen.length, seen.at(-1).getBoundingClientRect().right,"
+        " e.querySelector('.handle').getBoundingClientRect().left]; })"
+    )
+    shown = page.run(ends)
+    assert all(right <= handle for _, right, handle in shown)
+    assert {count for count, _, _ in shown} == {1, 2}
+
+
 def test_a_click_on_a_line_stops_there_and_warnings_stand_at_their_lines(watch: Open, tmp_path: Path) -> None:  # noqa: F811
     program = tmp_path / "blink.c"
     program.write_text(NO_TRIS)
