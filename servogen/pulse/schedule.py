@@ -42,7 +42,7 @@ MAX_DISTANCE = 1e9
 """The maximum plan error in any unit; a larger number must be a mistake."""
 
 TAPE_UNKNOWN = "what the EEPROM of a tape may answer"
-"""What no proof decides."""
+"""What no theorem is about."""
 TAPE_FILE = "tape.bin"
 """The file beside a schedule's JSON with the content of its tape."""
 
