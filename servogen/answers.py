@@ -259,6 +259,15 @@ class PairVerdictAnswer(TypedDict):
     chips: Annotated[list[VerdictAnswer], "The verdict on each."]
 
 
+class PairCaptureAnswer(TypedDict):
+    """The verdict on a recording of two chips."""
+
+    agrees: Annotated[bool, "Whether both agree, and the second one's frame is where the wire puts it."]
+    apart_cycles: Annotated[float | None, "How far the second one's frame is from there, if that is known."]
+    allowed_cycles: Annotated[float, "What a sample and the tolerance of an edge account for."]
+    chips: Annotated[list[CaptureVerdictAnswer], "The verdict on each."]
+
+
 class ClauseAnswer(TypedDict):
     """What a run or a recording shows of one clause."""
 
@@ -368,6 +377,13 @@ class CheckAnswer(TypedDict):
     loop_frames: Annotated[int, "Frames of the loop."]
     plan_error: Annotated[PlanErrorAnswer | None, "How far the pulses are from the plan."]
     widths: Annotated[list[WidthAnswer], "The widths of each servo."]
+
+
+class PairCheckAnswer(TypedDict):
+    """`check` of a job of two chips."""
+
+    job: Annotated[str, "The job's name."]
+    chips: Annotated[list[CheckAnswer], "The plan of each."]
 
 
 class ServoFactsAnswer(TypedDict):
@@ -617,6 +633,12 @@ class ReportFactsAnswer(TypedDict):
 
 class ReportAnswer(ReportFactsAnswer):
     """`report`."""
+
+    file: Annotated[str, "The page."]
+
+
+class PairReportAnswer(PairBuildFacts):
+    """`report` of a job of two chips."""
 
     file: Annotated[str, "The page."]
 
@@ -1477,6 +1499,7 @@ class RigAnswer(TypedDict):
     analyser: Annotated[str, "The analyser's port."]
     inputs: Annotated[str, "The input board's port."]
     serial: NotRequired[Annotated[str, "The serial line's port."]]
+    programmer2: NotRequired[Annotated[str, "The port of the second chip's programmer."]]
 
 
 class ShareAnswer(TypedDict):

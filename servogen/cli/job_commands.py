@@ -20,6 +20,7 @@ from servogen.outputs import write_text
 from servogen.plan_error import plan_text
 from servogen.units import counted
 from servogen.workflows.engines import planned as planned_job
+from servogen.workflows.pair import planned_pair
 
 
 def new(
@@ -61,17 +62,19 @@ def check(job: JobFile, json: Json = False) -> None:
     """Check a job file and show its pulses, without building it."""
     loaded = plan_job(load(job))
     with status(f"{loaded.name}: planning"):
-        as_planned = planned_job(loaded)
-    planned = as_planned.plan
-    schedule = planned.schedule
-    warnings = (*loaded.warnings, *planned.warnings)
+        programs = planned_pair(loaded).chips if loaded.chips else (planned_job(loaded),)
+    schedules = [each.plan.schedule for each in programs]
+    warnings = (*loaded.warnings, *(warning for each in programs for warning in each.plan.warnings))
+    notes = [note for each in programs for note in each.job.notes]
     if json:
-        as_json(as_planned.to_json(), (*warnings, *as_planned.job.notes))
+        facts = [each.to_json() for each in programs]
+        as_json(facts[0] if len(facts) == 1 else {"job": loaded.name, "chips": facts}, (*warnings, *notes))
         return
-    width_table(planned.widths)
-    for note in as_planned.job.notes:
+    width_table([row for each in programs for row in each.plan.widths])
+    for note in notes:
         print(note.message)
-    seconds = float(schedule.clock.seconds(schedule.loop_frames * schedule.period))
-    loop = f"loop of {counted(schedule.loop_frames, 'frame')}, {seconds:g} s"
-    print(f"{job}: {counted(len(loaded.servos), 'servo')}, {loop}; {plan_text(schedule.plan_error)}")
+    seconds = float(schedules[0].clock.seconds(schedules[0].loop_frames * schedules[0].period))
+    loop = f"loop of {counted(schedules[0].loop_frames, 'frame')}, {seconds:g} s"
+    errors = dict.fromkeys(plan_text(schedule.plan_error) for schedule in schedules)
+    print(f"{job}: {counted(len(loaded.servos), 'servo')}, {loop}; {'; '.join(errors)}")
     warn_of_all(warnings)

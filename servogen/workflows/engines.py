@@ -61,8 +61,8 @@ def planned(job: PlannedJob) -> PlayedJob:
             "chip-pair",
             "the job is for two chips: no single program plays it",
             job.document.place("chip"),
-            "`servogen build` writes both programs, `servogen verify` judges both; the folders chip1/ and "
-            "chip2/ are builds for other commands",
+            "`servogen build` writes both programs into one folder for verify, capture and flash; its "
+            "chip1/ and chip2/ are builds for commands of one program",
         )
     played = _planned(job)
     schedule = replace(played.plan.schedule, device=job.device.name)

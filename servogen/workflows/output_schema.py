@@ -62,18 +62,18 @@ UNITLESS = {
 
 OUTPUTS: Mapping[str, tuple[type, ...]] = MappingProxyType(
     {
-        "check": (answers.CheckAnswer,),
+        "check": (answers.CheckAnswer, answers.PairCheckAnswer),
         "plan": (answers.PlanAnswer,),
         "build": (answers.BuildAnswer, answers.PairBuildAnswer),
         "demo": (answers.DemoAnswer,),
-        "report": (answers.ReportAnswer,),
+        "report": (answers.ReportAnswer, answers.PairReportAnswer),
         "tune": (answers.TuneAnswer,),
         "import": (answers.ImportAnswer, answers.ComparedMotion),
         "compile": (answers.CompileAnswer,),
         "simulate": (answers.SimulateAnswer,),
         "verify": (
             *(answers.VerifyAnswer, answers.VerifyCaptureAnswer, answers.ForeverAnswer),
-            *(answers.VerifyContractAnswer, answers.PairVerdictAnswer),
+            *(answers.VerifyContractAnswer, answers.PairVerdictAnswer, answers.PairCaptureAnswer),
         ),
         "measure": (answers.MeasureAnswer,),
         "prove": (

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from servogen.answers import PairCaptureAnswer
 from servogen.edges import CHIP_MARKS
 from servogen.errors import InputError, Location
 from servogen.programs import PAIR_FOLDERS
@@ -56,7 +57,7 @@ class PairCaptureVerdict:
         ]
         return [f"both chips: {'agree' if self.agrees else 'do NOT agree'}; {apart}", *parts]
 
-    def to_json(self) -> dict[str, object]:
+    def to_json(self) -> PairCaptureAnswer:
         return {
             "agrees": self.agrees,
             "apart_cycles": self.apart,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -36,6 +37,7 @@ from servogen.units import Cycles
 from servogen.workflows.capture import capture
 from servogen.workflows.pair import planned_pair
 from servogen.workflows.pair_capture import judge_pair_capture
+from tests.cli.conftest import wrong
 from tests.two_chips import ARM, TWO
 
 Pair = tuple[tuple[PulseSchedule, PulseSchedule], tuple[Image, Image]]
@@ -77,6 +79,7 @@ def test_both_chips_agree_and_the_second_is_where_the_wire_puts_it(
     assert verdict.apart is not None and abs(verdict.apart) < 0.3
     assert all(chip.ppm == pytest.approx(100, abs=1) for chip in verdict.chips)
     assert verdict.lines()[0].startswith("both chips: agree; chip2 is ")
+    assert wrong("verify", json.dumps({"diagnostics": [], **verdict.to_json()})) == []
 
 
 @pytest.mark.parametrize("late", [-40, -3, 3, 700])
