@@ -3,6 +3,7 @@
 import random
 import re
 from fractions import Fraction
+from pathlib import Path
 
 import pytest
 
@@ -160,6 +161,17 @@ def test_another_engine_hears_no_line() -> None:
 
 def test_nine_servos_are_one_too_many() -> None:
     assert "up to 8 servos, not 9" in error_of(CHIP + servos(9) + "[stream]\n")
+
+
+def test_too_many_servos_for_a_line_are_told_by_how_much_and_what_else_there_is() -> None:
+    """Eight fill the 68 bytes (firmware/stream-eight); four more are 4 · 5 bytes; 12 · 9 · 256 cycles."""
+    four = "".join(f'[[servo]]\nname = "a{n}"\npin = "RA{n}"\nmodel = "futaba-s3001"\n' for n in range(4))
+    said = error_of(CHIP + servos(8) + four + "[stream]\n")
+    assert "12 need 20 more" in said and "at least 27648 µs" in said
+    for way in ("two chips", "servogen drive --range-us", "[walk] commands", "the player"):
+        assert way in said
+    report = (Path(__file__).parents[2] / "firmware" / "stream-eight" / "report.txt").read_text()
+    assert "68 of 68" in report
 
 
 def soft_start(seconds: float) -> str:
