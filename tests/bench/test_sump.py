@@ -12,6 +12,7 @@ from servogen.bench.analysers import sump
 from servogen.bench.analysers.sump import channel_of, wires
 from servogen.bench.analysers.sump_client import SampleRequest, capture, metadata
 from servogen.bench.ports import Port
+from servogen.edges import PINS
 from servogen.errors import InputError
 
 LENGTHS = st.one_of(st.integers(1, 300), st.integers(32_760, 70_000))
@@ -103,3 +104,13 @@ def test_the_progress_of_a_capture_is_in_words_and_ends_with_all_of_them() -> No
     port = InPieces(bytes(4), bytes(7), bytes(1), bytes(8))
     capture(cast(Port, port), SampleRequest(Fraction(1_000_000), 10, False, None, 1.0), told.append)
     assert told == [5, 6, 10]
+
+
+def test_two_chips_have_32_channels_of_which_the_second_ones_begin_at_16() -> None:
+    wired = wires([], pair=True)
+    assert {wired[channel] + 16 for channel in range(13)} == {wired[16 + channel] for channel in range(13)}
+    assert channel_of("2.RB0", wired, pair=True) == 16 and channel_of("1.RB0", wired, pair=True) == 0
+    assert wires(["30=2.RA4"], pair=True) == {30: 16 + PINS.index("RA4")}
+    for text, pair in (("31=1.RB0", True), ("0=RB0", True), ("0=2.RB0", False), ("15=RB0", False)):
+        with pytest.raises(InputError):
+            wires([text], pair)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from threading import Event
 
 import numpy as np
 import pytest
@@ -15,8 +16,11 @@ from servogen.edges import HIGH, OTHER_PINS, EdgeChunk, EdgeTrace, join
 from servogen.engines.board import machine_of, paired_machine
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
+from servogen.pic.image import read_hex
 from servogen.simulator import Reset
 from servogen.units import Cycles
+from servogen.watch import editing
+from servogen.watch.subject import Setting
 from servogen.workflows.certificates import prove_program
 from servogen.workflows.engines import planned
 from servogen.workflows.pair import PairBuild, build_pair, judge_pair, second_chip, wire_edges
@@ -265,3 +269,16 @@ def test_the_second_chip_is_proven_for_every_wire_in_every_dialect(pair: PairBui
     text = second.plan.schedule.json_text().encode()
     verdict, _, witness = prove_program(second.programs[dialect].image, second.plan.schedule, text)
     assert verdict.text == "proven, checked" and witness is not None and witness.checked is not None
+
+
+def test_the_page_that_builds_a_pair_is_answered_with_both_programs(
+    pair: PairBuild, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(editing, "build_pair", lambda job: pair)
+    monkeypatch.setattr(editing, "job_subject", lambda path, job, setting: None)
+    file = tmp_path / "pair.toml"
+    found, _ = editing.Editor(file, Setting()).handle({"do": "build", "text": JOB}, Event())
+    assert found["is"] == "built" and found["exact"] and found["reasons"] == []
+    assert list(found["files"]) == ["pair-chip1.hex", "pair-chip2.hex"]
+    for text, build in zip(found["files"].values(), pair.chips, strict=True):
+        assert read_hex(text, "built").image.program == build.programs[0].image.program
