@@ -12,9 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 from servogen.engines.player.layout import MIN_WIDTH, Slot, SlotLayout
-from servogen.pic.device import addresses
+from servogen.pic.device import RAM_FIRST, RAM_LAST, addresses
+from servogen.pic.isa import encode
 from servogen.pic.known_values import (
     CARRY,
     FSR,
@@ -23,6 +25,7 @@ from servogen.pic.known_values import (
     ZERO,
     DecodedWord,
     Known,
+    Undefined,
     W,
     execute,
     step,
@@ -38,6 +41,11 @@ CHECK, POLL, DONE = "pl_check", "pl_poll", "pl_done"
 end.
 """
 TMR0, PORT = addresses("TMR0", "PORTB")
+VARIABLES = (
+    *("pulse_a_lo", "pulse_a_hi", "pulse_b_lo", "pulse_b_hi", "mask_a", "mask_b", "both", "port"),
+    *("target", "ahead", "overrun"),
+)
+"""The C's variables that the kernel uses."""
 LAST_WORDS = 3
 """The kernel's words behind its end: the watchdog is cleared, `target` goes back to where the lock began."""
 POLL_CYCLES = 5
@@ -76,8 +84,11 @@ def allowances(listing: Listing, layout: SlotLayout) -> tuple[Allowance, Allowan
 
     Raises KernelChanged.
     """
-    kernel = _Kernel(listing, layout)
-    spent = kernel.spent_beside_the_pulse()
+    kernel = _kernel_of(listing, layout)
+    try:
+        spent = _spent_beside_the_pulse(kernel.elsewhere())
+    except KernelChanged:
+        spent = _spent_beside_the_pulse(kernel)  # says at which address
 
     def of(slot: Slot, following: Slot) -> Allowance:
         taken = spent + slot.longest
@@ -98,17 +109,67 @@ def _smallest(allowances: Sequence[Allowance]) -> Allowance:
     )
 
 
-class _Kernel:
-    """The kernel's words, and its variables' addresses."""
+def _kernel_of(listing: Listing, layout: SlotLayout) -> _Kernel:
+    words = {row.address: row.word for row in listing.rows}
+    start = next(function.start for function in listing.functions if function.name == KERNEL)
+    check, poll, done = (listing.label(label) for label in (CHECK, POLL, DONE))
+    return _Kernel(
+        tuple(words[address] for address in range(start, done + LAST_WORDS)),
+        tuple(listing.variable(name) for name in VARIABLES),
+        *(start, check, poll, done, layout.tick, layout.stagger),
+    )
 
-    def __init__(self, listing: Listing, layout: SlotLayout) -> None:
-        self._words: Mapping[int, int] = {row.address: row.word for row in listing.rows}
-        self._ram = {name: address for address, name, _ in listing.variables}
-        self._start = next(function.start for function in listing.functions if function.name == KERNEL)
-        self._check, self._poll = listing.label(CHECK), listing.label(POLL)
-        self._done = listing.label(DONE)
-        self._tick = layout.tick
-        self._stagger = layout.stagger
+
+@cache
+def _spent_beside_the_pulse(kernel: _Kernel) -> int:
+    return kernel.spent_beside_the_pulse()
+
+
+@dataclass(frozen=True, slots=True)
+class _Kernel:
+    """The kernel's words, from `start` on, and the addresses of `VARIABLES` and labels."""
+
+    words: tuple[int, ...]
+    places: tuple[int, ...]
+    start: int
+    check: int
+    poll: int
+    done: int
+    tick: int
+    stagger: int
+
+    def elsewhere(self) -> _Kernel:
+        """Return the same kernel at address 0, with its variables in the order in which its words name them.
+
+        It does the same: no word that is followed reads where a pointer points, or computes an address.
+        """
+        moved: dict[int, int] = {}
+
+        def place(f: int) -> int:
+            return moved.setdefault(f, RAM_FIRST + len(moved))
+
+        words = []
+        for word in self.words:
+            try:
+                decoded = word_of(word)
+            except Undefined:
+                return self
+            if decoded.has_f and RAM_FIRST <= decoded.f <= RAM_LAST:
+                word = word & ~0x7F | place(decoded.f)
+            elif decoded.flow == "jump":
+                word = encode("GOTO", k=decoded.k - self.start & 0x7FF)
+            words.append(word)
+        labels = (label - self.start for label in (self.start, self.check, self.poll, self.done))
+        return _Kernel(tuple(words), tuple(map(place, self.places)), *labels, self.tick, self.stagger)
+
+    @property
+    def _ram(self) -> Mapping[str, int]:
+        return dict(zip(VARIABLES, self.places, strict=True))
+
+    def _word(self, address: int) -> DecodedWord:
+        if not 0 <= address - self.start < len(self.words):
+            raise KernelChanged(f"0x{address:03X} is not of the kernel")
+        return word_of(self.words[address - self.start])
 
     def spent_beside_the_pulse(self) -> int:
         """Return the maximum cycles from the slot's beginning to the kernel's end, without the longest pulse.
@@ -127,7 +188,7 @@ class _Kernel:
                 (pulses,) = outcomes
                 self._compare(pulses, one, other)
                 # The layout's longest pulse includes the stagger.
-                maximum = max(maximum, pulses.end - max(one, other + self._stagger))
+                maximum = max(maximum, pulses.end - max(one, other + self.stagger))
         return maximum
 
     def late_ticks_seen(self, ahead: int) -> int:
@@ -156,9 +217,9 @@ class _Kernel:
             CARRY: 0,
             W: target,
         }
-        address = self._check
-        while address != self._poll:
-            word = word_of(self._words[address])
+        address = self.check
+        while address != self.poll:
+            word = self._word(address)
             if word.flow == "next" and word.has_f and word.f == TMR0:
                 self._look(word, known, target - ahead + ticks & 0xFF, address)
                 address += 1
@@ -177,26 +238,26 @@ class _Kernel:
 
     def _run(self, one: int, other: int, arrival: int) -> _Pulses:
         """Run the kernel for two widths; it reads the timer `arrival` cycles before the latest moment."""
-        tick = self._tick
-        target, ahead = 200, 100
+        tick = self.tick
+        target, ahead, ram = 200, 100, self._ram
         known: Known = {W: 0, CARRY: 0, ZERO: 0, FSR: 0}
         for name, value in {
             "pulse_a_lo": one & 0xFF, "pulse_a_hi": one >> 8, "pulse_b_lo": other & 0xFF,
             "pulse_b_hi": other >> 8, "mask_a": 1, "mask_b": 2, "both": 3, "port": PORT, "target": target,
             "ahead": ahead,
         }.items():  # fmt: skip
-            known[self._ram[name]] = value
+            known[ram[name]] = value
         begin = 1 << 16
         """The cycle, counted from the kernel's first instruction, of the tick that it waits for."""
-        address, now, level = self._start, 0, 0
+        address, now, level = self.start, 0, 0
         writes: list[tuple[int, int]] = []
         for _ in range(MAX_STEPS):
-            if address == self._check:
+            if address == self.check:
                 begin = now + 1 + arrival
-            if address == self._done:
+            if address == self.done:
                 self._check_end(known, target)
                 return _Pulses(tuple(writes), now - begin)
-            word = word_of(self._words[address])
+            word = self._word(address)
             following, cycles = address + 1, 1
             if word.flow == "next" and word.has_f and word.f == TMR0:
                 self._look(word, known, (target + (now - begin) // tick) & 0xFF, address)
@@ -218,8 +279,8 @@ class _Kernel:
         """
         wanted = {self._ram["target"]: target, self._ram["overrun"]: 1}
         known[self._ram["overrun"]] = 1
-        for address in range(self._done, self._done + LAST_WORDS):
-            self._execute(word_of(self._words[address]), known, address, "next")
+        for address in range(self.done, self.done + LAST_WORDS):
+            self._execute(self._word(address), known, address, "next")
         if any(known.get(place) != value for place, value in wanted.items()):
             raise KernelChanged("the end changes what the next slot needs")
 
@@ -227,7 +288,7 @@ class _Kernel:
         """Execute an instruction of one of these flows that writes W or RAM, or selects bank 0; return where
         execution continues, and the cycles. Raises KernelChanged for another one, or if a skip is not known.
         """
-        stray = word.flow not in flows or word.name in NOT_FOLLOWED
+        stray = word.flow not in flows or word.name in NOT_FOLLOWED or (word.has_f and word.f == INDF)
         if stray or (word.writes_f and word.place is None and not word.selects_bank_0):
             raise KernelChanged(f"{word.name} at 0x{address:03X} is not followed")
         following, *other = step(address, (), word, known)

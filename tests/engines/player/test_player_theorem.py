@@ -14,9 +14,10 @@ from servogen.engines.player.firmware import CHECK, DONE
 from servogen.engines.player.layout import TAIL, Slot, SlotLayout, to_rise
 from servogen.engines.player.theorem import KERNEL, KernelChanged, allowances
 from servogen.job import load, plan_job
-from servogen.pic.device import RAM_FIRST
+from servogen.pic.device import RAM_FIRST, RAM_LAST
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
+from servogen.pic.known_values import word_of
 from servogen.pic.listing import Listing
 from servogen.simulator import Machine
 from servogen.workflows.job_build import report
@@ -345,3 +346,34 @@ def test_a_kernel_that_records_nothing_sees_no_lateness() -> None:
     slots, frames = allowances(silent, played.layout)  # type: ignore[attr-defined]
     assert (slots.late_is_seen, frames.late_is_seen) == (slots.same_edges, frames.same_edges)
     assert (slots.same_edges, frames.same_edges) == (found.slots.same_edges, found.frames.same_edges)
+
+
+def test_a_kernel_does_the_same_at_any_address_with_its_variables_anywhere() -> None:
+    """Kernels of programs that differ only in these share what is reckoned of one of them."""
+    listing = simple().compilation.listing
+    _, played = _played()
+    kernel = next(each for each in listing.functions if each.name == KERNEL)
+    by = 0x180
+    words = {}
+    for row in listing.rows:
+        decoded = word_of(row.word)
+        word = row.word
+        if decoded.has_f and RAM_FIRST <= decoded.f <= RAM_LAST:  # mirrored: the order is another one
+            word = word & ~0x7F | RAM_FIRST + RAM_LAST - decoded.f
+        elif decoded.flow == "jump" and kernel.start <= decoded.k < kernel.end:
+            word = encode("GOTO", k=decoded.k + by)
+        words[row.address + by] = word
+    moved = replace(
+        listing,
+        rows=tuple(
+            replace(row, address=row.address + by, word=words[row.address + by]) for row in listing.rows
+        ),
+        functions=tuple(replace(each, start=each.start + by) for each in listing.functions),
+        labels=tuple((name, at + by) for name, at in listing.labels),
+        variables=tuple((RAM_FIRST + RAM_LAST - at, name, size) for at, name, size in listing.variables),
+    )
+    assert allowances(moved, played.layout) == allowances(listing, played.layout)  # type: ignore[attr-defined]
+    wait = listing.label("pl_poll") + by
+    broken = changed(moved, lambda words: words.update({wait + 4: encode("NOP")}))
+    with pytest.raises(KernelChanged):
+        allowances(broken, played.layout)  # type: ignore[attr-defined]
