@@ -6,7 +6,7 @@ place: a RAM address, `FSR`, or one of `W`, `CARRY` and `ZERO`; a missing place 
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from functools import cache, lru_cache
 
@@ -114,6 +114,24 @@ def known_result(
     made = result(NUMBERS, mnemonic, operand, read, carry or 0, b)
     out = flags(NUMBERS, mnemonic, operand, read, made).get("C")
     return None if "C" in row.reads and carry is None else made, out
+
+
+def renumbered(words: Iterable[int], places: Iterable[int]) -> tuple[list[int], tuple[int, ...]]:
+    """Return words with the bytes of the RAM numbered in the order in which they name them, and `places` too.
+
+    They do the same with these bytes, if none of them uses a pointer. Raises Undefined.
+    """
+    numbers: dict[int, int] = {}
+
+    def number(place: int) -> int:
+        return numbers.setdefault(place, RAM_FIRST + len(numbers))
+
+    made = []
+    for word in words:
+        decoded = word_of(word)
+        in_ram = decoded.has_f and RAM_FIRST <= decoded.f <= RAM_LAST
+        made.append(word & ~0x7F | number(decoded.f) if in_ram else word)
+    return made, tuple(number(place) for place in places)
 
 
 def place_of(f: int, known: Known) -> int | None:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from servogen.engines.player.layout import MIN_WIDTH, Slot, SlotLayout
-from servogen.pic.device import RAM_FIRST, RAM_LAST, addresses
+from servogen.pic.device import addresses
 from servogen.pic.isa import encode
 from servogen.pic.known_values import (
     CARRY,
@@ -28,6 +28,7 @@ from servogen.pic.known_values import (
     Undefined,
     W,
     execute,
+    renumbered,
     step,
     word_of,
 )
@@ -143,24 +144,17 @@ class _Kernel:
 
         It does the same: no word that is followed reads where a pointer points, or computes an address.
         """
-        moved: dict[int, int] = {}
-
-        def place(f: int) -> int:
-            return moved.setdefault(f, RAM_FIRST + len(moved))
-
-        words = []
-        for word in self.words:
-            try:
-                decoded = word_of(word)
-            except Undefined:
-                return self
-            if decoded.has_f and RAM_FIRST <= decoded.f <= RAM_LAST:
-                word = word & ~0x7F | place(decoded.f)
-            elif decoded.flow == "jump":
-                word = encode("GOTO", k=decoded.k - self.start & 0x7FF)
-            words.append(word)
+        try:
+            words, places = renumbered(self.words, self.places)
+        except Undefined:
+            return self
+        decoded = [word_of(word) for word in words]
+        relative = tuple(
+            encode("GOTO", k=each.k - self.start & 0x7FF) if each.flow == "jump" else word
+            for each, word in zip(decoded, words, strict=True)
+        )
         labels = (label - self.start for label in (self.start, self.check, self.poll, self.done))
-        return _Kernel(tuple(words), tuple(map(place, self.places)), *labels, self.tick, self.stagger)
+        return _Kernel(relative, places, *labels, self.tick, self.stagger)
 
     @property
     def _ram(self) -> Mapping[str, int]:

@@ -36,6 +36,7 @@ from servogen.pic.known_values import (
     Undefined,
     W,
     execute,
+    renumbered,
     step,
     word_of,
 )
@@ -279,6 +280,7 @@ class Round:
     _ends: dict[tuple[int, Timer], tuple[LatestEnd, ...] | None] = field(default_factory=dict)
     """The ends of interrupts that were followed, by the cycle in which they begin."""
     _look_cycles: tuple[int, ...] = ()
+    _rise: int = 0
 
     def left(self, begins: range) -> int | None:
         """Return the minimum cycles left in a round without an edge whose first interrupt begins in one of
@@ -327,12 +329,15 @@ class Round:
 
     def rise(self) -> int:
         """Return the cycle of the round in which a pulse begins: that of a short look at the line."""
+        if self._rise:
+            return self._rise
         known: Known = {self.ram[REST]: 0, self.ram[FINE]: 0, self.ram[TICKS]: 1}
         at = RoundMoment(INTERRUPT_VECTOR, (), 2, known)
         while at.address != self.edge:
             at = self.steps(at, self.word(at.address))[0]
             if at.cycle > MAX_END:
                 raise LookupError("the interrupt makes no edge")
+        self._rise = at.cycle
         return at.cycle
 
     def looks(self) -> tuple[int, ...]:
@@ -455,25 +460,30 @@ def _supply(listing: Listing, rounds: int, masked: int) -> Cycles | None:
     wait = _only(address for address, word in words.items() if word == exactly)
     edge = next(address for address in range(wait, max(words)) if word_of(words[address]).name == "MOVWF")
     ran = sorted(TimedProgram(words, ()).reached(INTERRUPT_VECTOR))
-    ram = tuple(
-        (name, address) for name, address in _addresses(listing).items() if name in (*FOLLOWED, *PORT_NAMES)
+    ram = {name: address for name, address in _addresses(listing).items() if name in (*FOLLOWED, *PORT_NAMES)}
+    code, places = [words[address] for address in ran], tuple(ram.values())
+    if not any(word_of(word).has_f and word_of(word).f == INDF for word in code):
+        # Without a pointer it does not matter where variables are: programs that differ in it share the rest.
+        code, places = renumbered(code, places)
+    left = _cycles_left(
+        *(tuple(zip(ran, code, strict=True)), tuple(zip(ram, places, strict=True))),
+        *(listing.label("st_look"), edge, masked),
     )
-    looks = listing.label("st_look")
-    return _words_supply(
-        tuple((address, words[address]) for address in ran), ram, looks, edge, rounds, masked
-    )
+    # The rounds of a slot: that of the rise, those of the fall and after it, and all others.
+    return None if left is None else Cycles(left[0] + (rounds - 3) * left[1])
 
 
 @cache
-def _words_supply(
+def _cycles_left(
     words: tuple[tuple[int, int], ...],
     ram: tuple[tuple[str, int], ...],
     look: int,
     edge: int,
-    rounds: int,
     masked: int,
-) -> Cycles | None:
-    """Do the same for the interrupt's words, which are equal in dialects that differ only in the C."""
+) -> tuple[int, int] | None:
+    """Return the minimum cycles that the interrupt's words leave in the rounds with and after a pulse's edges
+    together, and in another round.
+    """
     code = Round(dict(words), dict(ram), look, edge, masked)
     latest = LATENCY + 2
     """The interrupt's latest first cycle: an instruction of two cycles delays it."""
@@ -490,8 +500,7 @@ def _words_supply(
             with_fall = min(with_fall, left)
     except LookupError:
         return None
-    # The rounds of a slot: that of the rise, those of the fall and after it, and all others.
-    return Cycles(max(0, ROUND - rise.cycle) + with_fall + (rounds - 3) * usual)
+    return max(0, ROUND - rise.cycle) + with_fall, usual
 
 
 def _cycles_left_with_fall(code: Round, rest: int, fine: int, usual: int) -> int | None:

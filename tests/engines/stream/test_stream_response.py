@@ -16,6 +16,9 @@ from servogen.engines.firmware import Firmware
 from servogen.engines.stream.firmware import compiled
 from servogen.engines.stream.response import Response, response
 from servogen.job import loads, plan_job
+from servogen.pic.device import RAM_FIRST, RAM_LAST
+from servogen.pic.isa import encode
+from servogen.pic.known_values import word_of
 from servogen.pic.listing import Listing
 from servogen.simulator import Machine, Observation, Stimuli
 from tests.campaigns import sampled
@@ -179,3 +182,33 @@ def test_the_page_has_the_figures_of_the_jobs() -> None:
         one, after_command = firmware(job).timing_budgets
         assert (made(job).streamed.layout.rounds, one.room, one.worst) == (int(rounds), int(left), int(pulse))
         assert ((after_command.left or -1) >= 0) == (in_time == "yes")
+
+
+def test_where_variables_are_does_not_change_what_the_interrupt_leaves() -> None:
+    """Every byte of the RAM is at its mirror image; a cycle more where there was a NOP is seen there, too."""
+    listing = firmware("stream-arm").compilation.listing
+
+    def mirrored(address: int) -> int:
+        return RAM_FIRST + RAM_LAST - address
+
+    def moved(word: int) -> int:
+        decoded = word_of(word)
+        in_ram = decoded.has_f and RAM_FIRST <= decoded.f <= RAM_LAST
+        return word & ~0x7F | mirrored(decoded.f) if in_ram else word
+
+    elsewhere = replace(
+        listing,
+        rows=tuple(replace(row, word=moved(row.word)) for row in listing.rows),
+        variables=tuple((mirrored(at), name, size) for at, name, size in listing.variables),
+    )
+    bounds = [response(each, 13, 1000, 5000) for each in (listing, elsewhere)]
+    assert bounds[0].supply is not None and bounds[0].supply == bounds[1].supply
+    busier = replace(
+        elsewhere,
+        rows=tuple(
+            replace(row, word=encode("GOTO", k=row.address + 1)) if row.word == encode("NOP") else row
+            for row in elsewhere.rows
+        ),
+    )
+    slower = response(busier, 13, 1000, 5000).supply
+    assert slower is None or slower < bounds[0].supply
