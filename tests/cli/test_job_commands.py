@@ -288,6 +288,7 @@ def facts(**others: Any) -> Any:
     )
     job = SimpleNamespace(
         bindings=[SimpleNamespace(servo="a", joint="q1")],
+        followers=(),
         notes=[SimpleNamespace(message="a note")],
         servos=servos,
         file="jobs/x.toml",
@@ -662,7 +663,7 @@ def test_warnings_of_a_plan_and_a_check_come_last(
     )
     pulses = SimpleNamespace(schedule=schedule, widths=(), warnings=warned)
     note = Diagnostic("note", "n", "a note")
-    job = SimpleNamespace(name="a", servos=[1, 2], warnings=warned)
+    job = SimpleNamespace(name="a", servos=[1, 2], warnings=warned, chips=())
     with_engine = SimpleNamespace(notes=(note,))
     played = SimpleNamespace(job=with_engine, plan=pulses, to_json=lambda: {"played": 1})
     stand_in(monkeypatch, job_package, "plan_job", lambda path: job)
