@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from servogen.edges import PINS, join
+from servogen.engines.board import WIRE_HIGH, WIRE_QUIET_FRAMES
 from servogen.pic.device import WATCHDOG_US
 from servogen.pic.image import Image
 from servogen.prove.chip import TIME_FIELDS, UNCERTAIN, AssumedBits
@@ -28,6 +29,8 @@ from servogen.units import Clock
 
 LONGEST_SLEEP = WATCHDOG_US[1] * 128
 """Cycles at 4 MHz until the slowest watchdog with the largest postscaler ends SLEEP."""
+LATE = 4
+"""Phases of a wire's rise to the program that awaits it."""
 RB0, RB7 = PINS.index("RB0"), PINS.index("RB7")
 
 Sample = tuple[int, int, int]
@@ -117,9 +120,34 @@ def concrete(case: Case, nodes: Sequence[Node], finding: SearchFinding) -> Count
             try:
                 _judge(case.spec, edges, path.samples, end)
             except Violation as violation:
-                if violation.certain:
-                    cycle = begun + violation.cycle
+                violation.cycle += begun
+                if case.spec.is_shown(violation, dict(levels)):
+                    cycle = violation.cycle
                     return Counterexample(violation.message, cycle, trial.options, levels, reset=trial.reset)
+                if violation.certain:
+                    return None  # on every chip, only what it reads tells that this is wrong
+    return None
+
+
+def regular_wire(case: Case) -> Counterexample | None:
+    """Return a wire that rises once a frame after which the first edge does not come in its cycle, if one of
+    some is such.
+    """
+    rule, period = case.schedule.wire, int(case.schedule.period)
+    for late in range(LATE) if rule is not None else ():
+        rises = [(WIRE_QUIET_FRAMES + frame) * period + late for frame in range(rule.frames + 2)]
+        changes = [(rise + each * int(WIRE_HIGH * period), 1 - each) for rise in rises for each in (0, 1)]
+        levels = ((rule.pin, ((0, 0), *changes)),)
+        due = rises[rule.frames] + int(rule.cycles)
+        edges = pin_changes(_machine(case, ChipTrial(case.board), levels), 0, due + period)
+        first = next((cycle for cycle, _, level in edges if level), None)
+        if first != due:
+            return Counterexample(
+                f"the first pulse comes in cycle {first}, not in {due}" if first else "no pulse comes",
+                due,
+                case.board,
+                levels,
+            )
     return None
 
 

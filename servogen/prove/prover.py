@@ -16,7 +16,7 @@ from servogen.pic.device import CONFIG_OSCILLATOR_MASK, OSCILLATORS, PROGRAM_WOR
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
 from servogen.prove.chip import AbstractChip
-from servogen.prove.counterexample import Case, Counterexample, concrete, slow_oscillator
+from servogen.prove.counterexample import Case, Counterexample, concrete, regular_wire, slow_oscillator
 from servogen.prove.cuts import choose_cuts, rising_addresses
 from servogen.prove.eeprom import TrimSearch
 from servogen.prove.explore import (
@@ -258,11 +258,10 @@ class _Prover:
         finding = search.finding or SearchFinding(
             node=0, decisions=(), cycle=0, message="the cut points do not suffice", certain=False, pc=0
         )
-        if search.answer is SearchAnswer.VIOLATED and finding.certain:
+        shown = regular_wire(self._case)
+        if shown is None and search.answer is SearchAnswer.VIOLATED and finding.certain:
             shown = concrete(self._case, search.nodes, finding)
-            if shown is not None:
-                return self._result(search, shown, "")
-        return self._result(search, None, why_undecided(finding, search))
+        return self._result(search, shown, "" if shown else why_undecided(finding, search))
 
     def _result(self, search: SearchResult | None, shown: Counterexample | None, reason: str) -> Proof:
         nodes = search.nodes if search else []

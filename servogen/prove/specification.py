@@ -10,7 +10,7 @@ edges and the levels that the program read, and returns the state later, or a `V
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple
@@ -154,6 +154,10 @@ class Specification:
     def likely(self, state: SpecState) -> dict[int, int]:
         """Return the levels that the next instruction may well read, by pin, beside those of the schedule."""
         return {}
+
+    def is_shown(self, violation: Violation, levels: Mapping[str, Sequence[tuple[int, int]]]) -> bool:
+        """Return whether a run at these levels, (cycle, level) by pin, is wrong whatever is read."""
+        return violation.certain
 
     def at_rest(self, state: SpecState) -> SpecState:
         """Return that nothing more is expected, if no edge is due from now on; else the state as it is."""

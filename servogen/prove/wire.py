@@ -12,7 +12,7 @@ keeps by how many, and the first pulse has to come in its cycle whichever it was
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from servogen.edges import PINS
 from servogen.prove.specification import (
@@ -41,6 +41,10 @@ LOOK = (0, 1, 1)
 """The levels in three cycles on end around a rise in its cycle."""
 NEAR = 8
 """The cycles before and after a rise in which a wire that rises once a frame is low and high."""
+
+
+class SilenceBroken(Violation):
+    """A pulse, where what was read of the wire allows none."""
 
 
 def _looked(view: WireView, level: int, following: bool) -> WireView:
@@ -74,6 +78,15 @@ class FollowedWire(Specification):
         if kind == PLAYING:
             level = LOOK[seen % len(LOOK)]
         return {PINS.index(self._wire.pin): level}
+
+    def is_shown(self, violation: Violation, levels: Mapping[str, Sequence[tuple[int, int]]]) -> bool:
+        """Return whether a run is wrong whatever the program reads: a pulse without the wire's rise is."""
+        if not isinstance(violation, SilenceBroken):
+            return violation.certain
+        changes = levels.get(self._wire.pin, ((0, 0),))
+        rise = violation.cycle - self._wire.cycles
+        around = ([level for at, level in changes if at <= rise + each][-1:] for each in (-1, 0, 1))
+        return tuple(level[0] if level else 0 for level in around) != LOOK
 
     def sample(self, state: SpecState, pin: int, level: int) -> SpecState:
         """Return the state after the program has read a pin. Raises Violation."""
@@ -131,13 +144,20 @@ class FollowedWire(Specification):
     def advance(self, state: SpecState, edges: Sequence[Edge], cycles: int) -> SpecState:
         """Return the state after a run of `cycles` that made `edges`. Raises Violation."""
         if state.phase == IN_FRAME:
-            return super().advance(state, edges, cycles)
+            try:
+                return super().advance(state, edges, cycles)
+            except Violation as violation:
+                # Where no frame begins after a look, none may be due: that this is one, only the reads tell.
+                violation.certain = violation.certain and (state.time >= 0 or bool(edges))
+                raise
         if edges:
             cycle, pin, level = edges[0]
-            raise Violation(f"the {'rise' if level else 'fall'} of {PINS[pin]} is not the schedule's", cycle)
+            raise SilenceBroken(
+                f"the {'rise' if level else 'fall'} of {PINS[pin]} is not the schedule's", cycle
+            )
         time, view = state.time + cycles, state.wire
         if view.kind == JOINING and time > self._wire.frames * self.period + 2:
-            raise Violation("the first pulse is missing", cycles, certain=view.least == 0)
+            raise Violation("the first pulse is missing", cycles, certain=False)
         if view.kind != JOINING and time > self.period + (self._wire.quiet if view.kind == QUIET else 0):
             raise Violation("the wire is not looked at for a frame", cycles, certain=False)
         return state._replace(time=time)

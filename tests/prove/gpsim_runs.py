@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 import subprocess
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -22,18 +22,22 @@ GPSIM_CASES = {"selects in the EEPROM", "resets itself", "any EEPROM, one servo"
 REGISTERS = {1: "TMR0", 3: "STATUS", 4: "FSR", 5: "PORTA", 6: "PORTB", 8: "EEDATA", 9: "EEADR", 11: "INTCON"}
 """In this order: a write of a port sets INTCON's flags."""
 SERVO = "RB1"
-"""The only output."""
+"""The only output, if no others are named."""
 LOGGED = re.compile(r"^0x([0-9A-F]{16}) |Wrote: 0x00([0-9A-F]{2}) to (port[ab]|tris[ab])\(", re.MULTILINE)
 
 
 def gpsim_levels(
-    image: Image, start: MachineState, changes: Iterable[tuple[int, int, int]], end: int
+    image: Image,
+    start: MachineState,
+    changes: Iterable[tuple[int, int, int]],
+    end: int,
+    servos: Collection[str] = (SERVO,),
 ) -> list[tuple[int, int]]:
     """Return (cycle, levels of all driven pins) at each change within `end` cycles of a chip that begins with
     the values of `start`, while pins from outside change: (cycle, pin, level).
     """
     # An input without a stimulus would have its latch's level.
-    levels = {pin: ["1, 0"] for pin in range(len(PINS)) if PINS[pin] != SERVO}
+    levels = {pin: ["1, 0"] for pin in range(len(PINS)) if PINS[pin] not in servos}
     for cycle, pin, level in changes:
         levels[pin].append(f"{cycle}, {level}")
     stimuli = [

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from shutil import which
 
 import pytest
 
 from servogen.checker import Refused, check_certificate, read_certificate
 from servogen.edges import HIGH, PINS, join
+from servogen.engines.board import board_of
 from servogen.pic.image import Image
 from servogen.prove import Proof, certificate, prove_for_all
 from servogen.pulse import PulseSchedule
 from servogen.simulator import Machine, SimulatorOptions, parse_stimuli
 from servogen.units import Cycles
 from servogen.workflows.certificates import second_witness
+from tests.prove.gpsim_runs import gpsim_levels
 from tests.prove.wire_judge import fault
-from tests.prove.wired import LOOK, PERIOD, QUIET, WIRE, schedules, second_chip, wait
+from tests.prove.wired import LOOK, PERIOD, QUIET, WIRE, first_chip, schedules, second_chip, wait
 
 SCHEDULE = schedules()[1]
 
@@ -68,7 +71,7 @@ WRONG = {
     "the wire is looked at a cycle late": ("        nop\nlater", "        nop\n        nop\nlater"),
     "pulses go on without the wire": (
         "        btfss 0x23, 1\n        goto wire",
-        "        nop\n        goto $+1",
+        "        goto $+1",
     ),
     "it never awaits a rise": ("        goto rise\n", "        goto wire\n"),
     "it sleeps while it awaits the rise": ("rise    btfss", "rise    sleep\n        btfss"),
@@ -87,6 +90,21 @@ def test_a_program_that_does_otherwise_is_not_proven_and_a_counterexample_is_one
         end, begin = shown.cycle + 2 * PERIOD, 0 if shown.reset is None else shown.reset + 2
         wire = next(levels for pin, levels in shown.levels if pin == WIRE)
         assert fault(SCHEDULE, wire, pin_edges(image, stimuli, shown.options, end), begin, end)
+
+
+@pytest.mark.parametrize(
+    ("what", "says"),
+    [
+        ("a pulse is a cycle longer", "comes 1 cycle late"),
+        ("a dip of a cycle counts as a rise", "is not the schedule's"),
+        ("two cycles of lateness are not found", "the first pulse comes in cycle"),
+        ("the wire is looked at a cycle late", "no pulse comes"),
+        ("pulses go on without the wire", "is not the schedule's"),
+    ],
+)
+def test_what_a_counterexample_says(what: str, says: str) -> None:
+    shown = proven(changed(*WRONG[what])).counterexample
+    assert shown is not None and says in shown.message
 
 
 @pytest.mark.parametrize("what", WRONG)
@@ -112,3 +130,29 @@ def test_a_program_is_not_proven_for_another_rule(what: str) -> None:
     schedule = replace(SCHEDULE, wire=replace(SCHEDULE.wire, **OTHER_RULES[what]))
     proof = proven(second_chip(), schedule)
     assert not proof.proven
+
+
+def logged(number: int, image: Image, changes: list[tuple[int, int, int]]) -> list[tuple[int, int]]:
+    """(cycle, levels of all pins) at each change of a chip's pins in gpsim, which counts from 1 less."""
+    schedule = schedules()[number]
+    start = Machine(image, schedule.clock, board_of(schedule)).state()
+    servos = [channel.pin for channel in schedule.channels]
+    edges = gpsim_levels(image, start, [(cycle - 1, *rest) for cycle, *rest in changes], 30 * PERIOD, servos)
+    return [(cycle + 1, levels) for cycle, levels in edges]
+
+
+@pytest.mark.skipif(which("gpsim") is None, reason="gpsim is not installed")
+def test_gpsim_shows_the_same_edges_of_both_chips() -> None:
+    """It runs one chip at a time: the edges on the first one's pin are what the second one's pin gets."""
+    wire, servo = PINS.index(WIRE), 1 << PINS.index("RB0")
+    first = logged(0, first_chip(), [])
+    assert first[0] == (12 * PERIOD + 8, servo)
+    changes = [(cycle, wire, int(levels == servo)) for cycle, levels in first]
+    seen = logged(1, second_chip(), changes)
+    assert len(seen) == 30 and seen[0] == (first[0][0] + 3 * PERIOD + 10, servo)
+    times, values = (
+        [0, *column] for column in zip(*((cycle, level) for cycle, _, level in changes), strict=True)
+    )
+    text = f'[[level]]\npin = "{WIRE}"\nat_us = {times}\nlevel = {values}\n'
+    own = pin_edges(second_chip(), text, board_of(SCHEDULE), 30 * PERIOD)
+    assert [(cycle, level * servo) for cycle, _, level in own] == seen

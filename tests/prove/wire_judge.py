@@ -54,8 +54,8 @@ def fault(
     while True:
         begin = left[0][0] - due_edges(schedule, 0)[0][0] if left else end
         missing = _awaited(schedule, wire, silent, end)
-        if missing is not None and begin > missing:
-            return f"no pulse begins in cycle {missing}"
+        if missing is not None and missing != begin > missing - rule.frames * period - int(rule.cycles):
+            return f"pulses begin in cycle {begin}, not in {missing}"
         frame = 0
         while (at := begin + frame * period) < end and has_risen(wire, at - int(rule.cycles)):
             for cycle, channel, level in due_edges(schedule, frame):
