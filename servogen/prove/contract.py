@@ -213,6 +213,7 @@ class _ContractProver:
         self._generaliser = Generaliser(self._transitions, guesses)
         answers = []
         for spec in self._specs:
+            self._latches = 0
             answers.append(self._decided(spec))
             if answers[-1].counterexample is not None:
                 return answers[-1]
@@ -220,14 +221,19 @@ class _ContractProver:
         return replace(undecided, states=sum(answer.states for answer in answers))
 
     def _decided(self, spec: ContractSpecification) -> ContractProof:
+        """Return the first answer that is one: what was made general may be what leads to a violation that no
+        chip shows, and so may a latch that is not known.
+        """
         answer = self._searched(spec)
-        if answer.proven or answer.counterexample is not None:
-            return answer
-        # What was made general may be what leads to a violation that no chip shows; so may a latch that is
-        # not known.
-        self._generaliser.keep_all()
+        for less_general in (self._generaliser.keep_all, self._tell_latches):
+            if answer.proven or answer.counterexample is not None:
+                break
+            less_general()
+            answer = self._searched(spec)
+        return answer
+
+    def _tell_latches(self) -> None:
         self._latches = self._outputs
-        return self._searched(spec)
 
     def _searched(self, spec: ContractSpecification) -> ContractProof:
         """Search, add what the search asks for, and search again until it is decided."""
@@ -321,7 +327,9 @@ class _ContractProver:
                 levels = levels_of([(begun + cycle, pin, level) for cycle, pin, level in samples], {})
                 stimuli, cycles = stimuli_of(trial, levels), Cycles(begun + end)
                 trace = pin_trace(self._image, self._clock, cycles, trial.options, stimuli)
-                later = _without_glitch(_since(trace, begun), self._inputs)
+                later = _since(trace, begun)
+                if not self._latches:  # what is assumed of a latch that is not known
+                    later = _without_glitch(later, self._inputs)
                 verdict = judge_contract(self._clauses, later, from_reset=True)
                 broken = [each for each in verdict.clauses if each.first is not None]
                 if broken:

@@ -33,6 +33,8 @@ from servogen.edges import PINS
 
 UNREAD = 1_000_000
 """Cycles without a read of an input after which a whole pulse of it has been missed."""
+FOREVER = UNBOUNDED // 2
+"""Cycles that are longer than any limit that is one."""
 TOO_LATE, TOO_EARLY, WHOLE = 1, -1, 0
 
 
@@ -118,7 +120,7 @@ class Side:
 
         Raises Broken if the clause does not let any time pass.
         """
-        later = self.observer.wait(state, levels, UNBOUNDED)
+        later = self.observer.wait(state, levels, FOREVER)
         if self.sign == WHOLE:
             return later if later == self.observer.wait(state, levels, 0) else None
         return later if self.sign == TOO_LATE else state

@@ -265,6 +265,16 @@ def test_an_output_that_is_not_written_at_first_has_either_level() -> None:
     assert proof(program, pulse.replace("[155, 155]", "[153, 155]")).proven
 
 
+def test_what_an_output_shows_before_its_first_write_counts_where_that_write_is_not_low() -> None:
+    """RB0 and RB1 are outputs for 3 cycles before the write, and a chip may begin with both latches set."""
+    program = image(UNWRITTEN.replace("loop ", "        movlw   1\n        movwf   PORTB\nloop "))
+    both = '[[never]]\ncondition = "RB0 high and RB1 high"\n{}'
+    found = proof(program, both.format(""), Quantifiers(resets=False))
+    assert replayed(program, both.format(""), found).startswith("violated")
+    assert proof(program, both.format("longer_us = 3\n")).proven
+    assert not proof(program, both.format("longer_us = 2\n")).proven
+
+
 def test_what_no_read_tells_is_not_decided() -> None:
     program = image(ANSWER.format(delay=""))
     pattern = '[[response]]\nwhen = ["RB0 falls", "RB0 rises"]\nthen = "RB4 rises"\nwithin_us = [0, 9]\n'
