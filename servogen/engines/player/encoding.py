@@ -166,6 +166,9 @@ def row_table(rows: Sequence[Sequence[int]], *, limited: bool = True) -> bytes:
     data = bytes(value for row in rows for value in row)
     if limited and len(data) > MAX_BYTES:
         raise ResourceError(
-            "does-not-fit", f"the motion's poses have {len(data)} bytes: their table holds {MAX_BYTES}"
+            "does-not-fit",
+            f"the motion's poses have {len(data)} bytes: their table holds {MAX_BYTES}",
+            hint="a motion of fewer different frames (fewer segments, a shorter cycle_s, a greater "
+            "max_error_us) needs fewer; two chips ([[chip]] twice) hold about half of them each",
         )
     return data

@@ -144,6 +144,7 @@ def test_a_table_of_rows_has_256_bytes_at_most() -> None:
     with pytest.raises(ResourceError) as error:
         row_table([*full, (9,)])
     assert error.value.message == "the motion's poses have 257 bytes: their table holds 256"
+    assert error.value.hint is not None and "[[chip]] twice" in error.value.hint
     assert len(row_table([*full, (9,)], limited=False)) == 257
 
 
