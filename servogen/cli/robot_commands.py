@@ -17,7 +17,7 @@ import typer
 
 from servogen.cli.options import Json, number
 from servogen.cli.show import as_json, next_step, status, table
-from servogen.errors import InputError
+from servogen.errors import InputError, rendered
 from servogen.kinematics import queries
 from servogen.kinematics.catalogue import arm, robot
 from servogen.kinematics.protocol import WalkingRobot
@@ -77,6 +77,9 @@ def robots(
         as_json(queries.robot_details(name))
     else:
         _print_details(queries.robot_details(name))
+        notes = getattr(robot(name), "notes", ())
+        if notes:
+            print(rendered(notes))
 
 
 def servos(

@@ -27,6 +27,7 @@ from servogen.motion.limits import JointLimits
 from servogen.motion.loads import check_torque
 from servogen.motion.torque import TorqueLimits
 from servogen.motion.trajectory import MAX_FRAMES, Floats
+from servogen.robot.model import Arm
 from servogen.robot.servo import TRAVEL, Servo
 from servogen.toml import file as toml_file
 from servogen.units import Clock, Cycles
@@ -58,7 +59,7 @@ def plan_job(
             replace(pose, angles=tuple(_followed(whole, np.array(pose.angles)).tolist())) for pose in poses
         ),
         warnings=(*planned.warnings, *_overloads(whole, job, planned), *_unlike_their_side(job), *mirrors),
-        notes=planned.notes,
+        notes=(*(whole.robot.notes if isinstance(whole.robot, Arm) else ()), *planned.notes),
         directions=tuple(replace(each, angles=_followed(whole, each.angles)) for each in directions),
         parts=planned.parts,
     )

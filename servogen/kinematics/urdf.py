@@ -20,6 +20,7 @@ that is nearer to x_{k-1}.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -27,7 +28,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from servogen.errors import InputError, Location, ToolError, did_you_mean
+from servogen.errors import Diagnostic, InputError, Location, ToolError, did_you_mean
 from servogen.kinematics.orientation import from_angles, to_angles
 from servogen.kinematics.transforms import Floats, frame_matrix, inverse, transform
 from servogen.robot.model import Arm, DHRow, FixedFrame, Joint, Length
@@ -240,7 +241,7 @@ def from_urdf(text: str, file: str, tip: str | None = None) -> Arm:
     Its rows come from the joint axes; fixed joints belong to the links. Raises InputError for a tree whose
     tip is not named, for other kinds of joints and for a text that is not URDF.
     """
-    robot = _parsed(text, file)
+    robot, notes = _parsed(text, file)
     chain = _chain(robot, file, tip)
     moving = [joint for joint in chain if joint.type in _KINDS and joint.mimic is None]
     numbers = {joint.name: index for index, joint in enumerate(moving)}
@@ -257,20 +258,24 @@ def from_urdf(text: str, file: str, tip: str | None = None) -> Arm:
                 Location(file),
                 f"known: {', '.join(_KINDS)}, fixed",
             )
-    return replace(arm_of_axes(robot.name, joints, axes, frame), source=file)
+    return replace(arm_of_axes(robot.name, joints, axes, frame), source=file, notes=notes)
 
 
-def _parsed(text: str, file: str) -> Any:
-    """Return the library's robot. Raises InputError."""
+def _parsed(text: str, file: str) -> tuple[Any, tuple[Diagnostic, ...]]:
+    """Return the library's robot, and notes about what it does not read. Raises InputError."""
     urdf = _library()
-    from urdf_parser_py.xml_reflection.core import ParseError
+    from urdf_parser_py.xml_reflection import core
 
     # The library checks by assertions and conversions: whatever it raises, the text is wrong.
-    wrong = (ParseError, ValueError, AssertionError, KeyError, AttributeError, TypeError, SyntaxError)
+    wrong = (core.ParseError, ValueError, AssertionError, KeyError, AttributeError, TypeError, SyntaxError)
+    said: list[str] = []
+    usual, core.on_error = core.on_error, said.append  # which writes to stderr
     try:
         robot = urdf.URDF.from_xml_string(text.encode())
     except wrong as error:
         raise InputError("urdf-syntax", f"is not a URDF file: {error}", Location(file)) from error
+    finally:
+        core.on_error = usual
     if len(robot.joints) > MAX_JOINTS:
         raise InputError(
             "urdf-unsupported", f"has {len(robot.joints)} joints", Location(file), f"at most {MAX_JOINTS}"
@@ -284,7 +289,56 @@ def _parsed(text: str, file: str) -> Any:
                     Location(file),
                     _NUMBERS,
                 )
-    return robot
+    return robot, tuple(_notes(text, file, said))
+
+
+_UNKNOWN = re.compile(r'Unknown (tag|attribute) "(.*)" in (.*)', re.DOTALL)
+_KNOWN = {
+    "robot": "link, joint, material, transmission, gazebo",
+    "link": "origin, inertial, visual, collision",
+    "joint": "origin, parent, child, axis, limit, mimic, dynamics, calibration, safety_controller",
+    "limit": "lower, upper, effort, velocity",
+    "mimic": "joint, multiplier, offset",
+}
+
+
+def _notes(text: str, file: str, said: Sequence[str]) -> Iterator[Diagnostic]:
+    """Yield a note for each kind of tag or attribute that the library does not know, at the first of them."""
+    groups: dict[tuple[str, str, str], list[str]] = {}
+    for message in said:
+        match = _UNKNOWN.fullmatch(message)
+        kind, name, path = match.groups() if match else ("", message, "")
+        parent = re.sub(r"\[.*?\]", "", path).rpartition("/")[2]
+        groups.setdefault((kind, name, parent), []).append(path)
+    for (kind, name, parent), paths in groups.items():
+        if not kind:
+            yield Diagnostic("note", "urdf-ignored", name, Location(file))
+            continue
+        what = f"the tag <{name}>" if kind == "tag" else f'the attribute "{name}"'
+        whose = re.findall(r"@name='([^']*)'", paths[0])
+        where = f"of <{parent}>" + (f" in '{whose[-1]}'" if whose else "")
+        more = f", nor are {len(paths) - 1} more" if len(paths) > 1 else ""
+        known = _KNOWN.get(parent)
+        yield Diagnostic(
+            "note",
+            "urdf-ignored",
+            f"{what} {where} is not read{more}",
+            Location(file, _line(text, paths[0], name if kind == "tag" else f"@{name}")),
+            known and f"<{parent}> has: {known}",
+        )
+
+
+def _line(text: str, path: str, name: str) -> int | None:
+    """Return the line of a tag or attribute by the path that the library gives; None if it finds none."""
+    from lxml import etree
+
+    try:
+        found = etree.fromstring(text.encode()).xpath(f"{path}/{name}")
+    except etree.XPathError:  # a name with a quote or a prefix
+        return None
+    if not found:
+        return None
+    return int(getattr(found[0], "sourceline", None) or found[0].getparent().sourceline)
 
 
 MAX_JOINTS = 1000

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, Protocol
 
-from servogen.errors import InputError, did_you_mean
+from servogen.errors import Diagnostic, InputError, did_you_mean
 
 JointKind = Literal["turning", "sliding"]
 Convention = Literal["standard", "modified"]
@@ -147,6 +147,8 @@ class Arm:
     source: str = ""
     payload: float = 0.0
     """The mass that the tool carries, in kg; 0 if not stated."""
+    notes: tuple[Diagnostic, ...] = ()
+    """What was not read of its file."""
 
     @property
     def length(self) -> dict[str, float]:
