@@ -27,7 +27,7 @@ def test_check_shows_the_pulses_of_both(run: Run, job: Path) -> None:
     assert [chip["job"] for chip in shown["chips"]] == ["arm-chip1", "arm-chip2"]
 
 
-@pytest.mark.parametrize("command", ["simulate", "measure", "plot", "prove", "disassemble", "demo"])
+@pytest.mark.parametrize("command", ["simulate", "measure", "plot", "disassemble", "demo"])
 def test_a_command_of_one_program_names_the_builds_of_both(run: Run, job: Path, command: str) -> None:
     ran = run(command, job, *(("-o", job.with_suffix(".png")) if command == "plot" else ()))
     said = " ".join((ran.out + ran.err).split())
