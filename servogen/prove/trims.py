@@ -272,7 +272,7 @@ class TrimProof:
                     varied_tables[place] = ByteTable(cells[:1], np.full(VALUES, state.ram[int(place)]))
             usual |= {*varied_tables}
         varied_tables = dict(sorted(varied_tables.items(), key=lambda item: str(item[0])))
-        memory = self._memories.setdefault((rest, cells, (*varied_tables,), id(source)), RunMemory())
+        memory = self._memories.setdefault((rest, cells, (*varied_tables,), source), RunMemory())
         if joint is not None and source is not None and joint.rows is not None:
             classes = joint.rows
             size = len(source.cycles)

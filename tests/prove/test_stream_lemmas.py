@@ -180,9 +180,9 @@ def test_each_lemma_begins_in_every_state_of_its_step(
         run()
         return [(pc, shown) for pc, shown, _ in begun]
 
-    # DS35007 table 6-2: PCLATH, INTCON and EECON1 are 0 after a reset, OPTION_REG and TRIS are 0xFF.
+    # DS35007 table 6-2: after a reset PCLATH, INTCON and EECON1 but for WRERR are 0, OPTION_REG, TRIS 0xFF.
     ones = dict.fromkeys((0x81, 0x85, 0x86), "1" * 8)
-    assert states(one.start) == [(0, {10: "0" * 8, 11: "0" * 8, 0x88: "0" * 8, **ones})]
+    assert states(one.start) == [(0, {10: "0" * 8, 11: "0" * 8, 0x88: "0000u000", **ones})]
     # Between two steps GIE and T0IE are set, and neither RD, WR nor WREN is.
     between = {11: "10100000", 0x88: "uuuuu000"}
     # Of `due`, bit 0 says that a pulse was late, once; bit 1 requests one; bit 2: a command came before it.
@@ -537,8 +537,9 @@ def test_what_main_and_the_interrupt_may_share(listing: Listing) -> None:
             "main uses due after the request is cleared" if name == "due" else ""
         )
     for name in ("todo", "value", "rx_byte", "rx_left", "rx_bits"):
-        assert fault(executing=name) == fault(preparing=name, writing=False) == ""
-        assert fault(preparing=name) == f"main writes {name} before the request is cleared"
+        assert fault(executing=name) == ""
+        early = f"main uses {name} before the request is cleared"
+        assert fault(preparing=name) == fault(preparing=name, writing=False) == early
     for name in ("ticks", "rest", "fine", "t", "rx_last", "command"):
         for writing in (True, False):
             message = f"main uses {name}, which the interrupt writes"
@@ -645,18 +646,72 @@ def test_pins_keep_their_directions_but_for_the_one_that_answers() -> None:
 
 
 def test_only_a_trim_masks_interrupts_and_nothing_else_changes_what_is_enabled() -> None:
-    from servogen.prove.stream.lemmas import Accesses
-
-    nothing = Accesses(frozenset(), frozenset())
     one = lemmas(listing_of(changed_text("speed[n] = value;", f"{{ {MASKED} speed[n] = value; }}")))
     assert fault(lambda: one.execute((0x42,))) == "the command FF 42: interrupts are masked"
     one.execute((0xC3,))
-    for word in ("bcf     INTCON, 5", "clrf    INTCON", "movwf   INTCON\n    bsf     INTCON, 2"):
+    # By its name or by a pointer, for good or for a moment.
+    for word in (
+        "bcf     INTCON, 5",
+        "clrf    INTCON",
+        "movwf   INTCON\n    bsf     INTCON, 2",
+        "movlw   0x0B\n    movwf   FSR\n    bcf     INDF, 2",
+    ):
         text = changed_text("bsf     0x08, 2 ", f"{word}\n    bsf     0x08, 2 ")
         other = lemmas(listing_of(text))
-        assert fault(lambda: other.check_sharing(nothing, nothing, nothing, frozenset())) == (  # noqa: B023
-            "main changes which interrupts are enabled"
+        text = fault(lambda: other.execute((0xC0,)))  # noqa: B023
+        assert text.startswith("the command FF C0: the word at 0x")
+        assert text.endswith(" changes which interrupts are enabled")
+
+
+def test_interrupts_are_switched_on_by_the_last_word_before_the_loop_alone() -> None:
+    """An interrupt before it would find variables that have no value yet."""
+    for word in ("bsf     INTCON, 7", "movlw   0x0B\n    movwf   FSR\n    movlw   0xA0\n    movwf   INDF"):
+        text = changed_text("TMR0 = 0; ", f"TMR0 = 0; asm {{\n    {word}\n    }}")
+        one = lemmas(listing_of(text))
+        assert fault(one.start).startswith("interrupts are switched before main's loop, at 0x")
+
+
+def test_a_start_depends_on_no_bit_that_a_reset_leaves_unknown() -> None:
+    """WRERR: a reset may have ended a write to the EEPROM."""
+    text = changed_text("ticks = 3;", "if (WRERR) todo = 0; ticks = 3;")
+    assert "todo becomes 0, not 254" in fault(lemmas(listing_of(text)).start)
+
+
+def test_the_end_of_a_write_comes_at_any_time() -> None:
+    """Two looks at EEIF in one step may find it 0 and 1."""
+    text = changed_text("    slot++;", "    if (!EEIF) if (EEIF) silence = 0; slot++;")
+    why = fault(lambda: lemmas(listing_of(text)).prepare((0,)))
+    assert why.startswith("the pulse of slot 1: ") and " becomes " in why
+
+
+def test_main_changes_a_prepared_pulse_in_no_cycle(listing: Listing) -> None:
+    """Nothing of it is left after the turn: only an interrupt in between takes the wrong pulse."""
+    again = "asm {\n    comf    _next_hi, 1\n    comf    _next_hi, 1\n    }"
+    one, none = lemmas(listing_of(changed_text("while (1) {", f"while (1) {{ {again}"))), frozenset[int]()
+    from servogen.prove.stream.lemmas import Accesses
+
+    idle = one.idle()
+    nothing = Accesses(none, none)
+    assert fault(lambda: one.check_sharing(nothing, nothing, nothing, none, idle)) == (
+        "main writes next_hi without a request"
+    )
+    one = lemmas(listing)
+    assert fault(lambda: one.check_sharing(nothing, nothing, nothing, none, one.idle())) == ""
+
+
+def test_an_answer_is_handed_over_by_the_last_word_of_it() -> None:
+    """The interrupt may send as soon as rx_bits says so, and receives until then."""
+    early = changed_text("rx_left = 0;\n    rx_bits = 0x4A;", "rx_bits = 0x4A;\n    rx_left = 0;")
+    twice = changed_text("rx_bits = 0x4A;", "rx_bits = 0x4B; rx_bits = 0x4A;")
+    for text in (early, twice):
+        assert fault(lambda: lemmas(listing_of(text)).execute((0xF0,))) == (  # noqa: B023
+            "the command FF F0: rx_bits is not written once and last"
         )
+    again = "asm {\n    comf    _rx_bits, 1\n    comf    _rx_bits, 1\n    }"
+    text = changed_text("speed[n] = value;", f"{{ {again} speed[n] = value; }}")
+    assert fault(lambda: lemmas(listing_of(text)).execute((0x41,))) == (
+        "the command FF 41: main uses rx_bits of the receiver"
+    )
 
 
 def test_the_line_is_looked_at_as_the_receiver_needs_it_everywhere() -> None:

@@ -47,7 +47,7 @@ VOLATILE = frozenset(
     register.address for row in ROWS if row.timed or row.name == "PINS" for register in row.registers
 )
 """Those of them that time and the pins change."""
-RD, WR, WREN, GIE = 0, 1, 2, 7
+RD, WR, WREN, EEIF, GIE = 0, 1, 2, 4, 7
 RP0 = 5
 MAX_STEPS = 60_000  # between two stops of main; against a loop that the words never leave
 RETURNED = -1
@@ -85,8 +85,8 @@ class SymbolicState:
     """By place: an address, `BANK_1` and an address, or `EEPROM` and one; others are as at the beginning."""
     path: Truth = TRUE
     looks: tuple[int, ...] = ()
-    """The volatile registers, and the watched variables, that were read since the beginning, one after the
-    other.
+    """The volatile registers that were read since the beginning, and the watched variables that were read or
+    written, one after the other; of a write the complement of its address.
     """
     unlocked: int = 0
     """How many words of UNLOCK came last, or WRITING once a write to the EEPROM has begun."""
@@ -105,13 +105,15 @@ class Execution:
     reads: set[int] = field(default_factory=set)
     writes: set[int] = field(default_factory=set)
     watched: frozenset[int] = frozenset()
-    """Variables that an interrupt may change; each of their reads is noted among the looks."""
+    """Variables shared with an interrupt; each of their reads and writes is noted among the looks."""
     counted: int | None = None
     """The address whose executions are counted."""
     visits: int = 0
     """The maximum number of times that it was executed."""
     busy: list[Truth] = field(default_factory=list)
     """Whether the EEPROM is being written, at each read of EECON1."""
+    switches: set[int] = field(default_factory=set)
+    """The addresses of the words that write INTCON."""
     first: dict[int, Bits] = field(default_factory=dict)
     """The bytes of the first state, those that are asked for."""
     _number: Iterator[int] = field(default_factory=count)
@@ -253,7 +255,9 @@ class Execution:
         if place == EECON1:
             stored = self.byte(state, place)
             self.busy.append(unknown("WR", 1).bit(0))
-            return stored[2:8].above(as_bit(self.busy[-1])).above(Bits(1, 0))
+            # The end of a write sets EEIF at any time.
+            above = stored[EEIF + 1 : 8].above(unknown("EEIF", 1)).above(stored[WREN:EEIF])
+            return above.above(as_bit(self.busy[-1])).above(Bits(1, 0))
         if place == INTCON:
             return self.byte(state, place)[3:8].above(unknown("flags", 3))
         if place in (INDF, INDF | BANK_1, EECON2, PCL) or not self._exists(place):
@@ -274,6 +278,10 @@ class Execution:
 
     def _write(self, state: SymbolicState, place: int, value: Bits) -> None:
         self.writes.add(place)
+        if place in self.watched:
+            state.looks = (*state.looks, ~place)
+        if place == INTCON:
+            self.switches.add(state.pc)
         if place in (EEDATA, EEADR) and state.unlocked == WRITING:
             raise NotFollowed(f"the EEPROM is used at 0x{state.pc:03X} while it is being written")
         if place == STATUS:

@@ -57,6 +57,10 @@ STARTING, GATHERING = 6, 7
 REQUEST, COMMAND = 1, 2
 """Bits of `due`."""
 MAX_BYTE = 0xFF  # begins a command: no value is as large
+WRERR = 3
+MASKING = frozenset(encode(name, f=INTCON, b=GIE) for name in ("BCF", "BSF"))
+SENT = RX_BYTE, RX_LEFT, RX_BITS = "rx_byte", "rx_left", "rx_bits"
+"""The receiver's variables, in which main leaves an answer to the interrupt."""
 MAX_SHOWN = 8
 """The maximum number of values that a failed lemma shows."""
 
@@ -114,8 +118,8 @@ def receiver_counts(streamed: Streaming) -> list[int]:
 class Accesses:
     """What main's words read and write, by address."""
 
-    reads: frozenset[int]
-    writes: frozenset[int]
+    reads: frozenset[int] = frozenset()
+    writes: frozenset[int] = frozenset()
 
     def __or__(self, other: Accesses) -> Accesses:
         return Accesses(self.reads | other.reads, self.writes | other.writes)
@@ -249,7 +253,9 @@ class Lemmas:
         if names.head != names.enabled:
             raise Fails("interrupts are enabled before all that comes before main's loop is done")
         code = self._execution()
-        known = {PCLATH: byte(0), INTCON: byte(0), OPTION: byte(0xFF), EECON1: byte(0)}
+        # WRERR is not known after a reset (DS35007 table 2-1, EECON1).
+        interrupted_write = Bits(4, 0).above(unknown("WRERR", 1)).above(Bits(WRERR, 0))
+        known = {PCLATH: byte(0), INTCON: byte(0), OPTION: byte(0xFF), EECON1: interrupted_write}
         known |= {registers()[name].address: byte(0xFF) for name in ("TRISA", "TRISB")}
         ends = code.run(code.state(0, known), {names.head})
         for end in ends:
@@ -267,6 +273,8 @@ class Lemmas:
             self._compare("after a reset", code, end, wanted, chip.valid() & directions)
         if not ends:
             raise Fails("after a reset the main loop is not reached")
+        for address in sorted(code.switches - {names.enabled - 1}):
+            raise Fails(f"interrupts are switched before main's loop, at 0x{address:03X}")
         return Accesses(frozenset(code.reads), frozenset(code.writes))
 
     def _pulse(self, chip: StreamChip, n: int) -> dict[int, Bits]:
@@ -364,6 +372,7 @@ class Lemmas:
                 self.tell("commands", second, 256)
             due = Bits(7, 0).above(unknown("late", 1))
             code = self._execution(Suspect(second=second))
+            code.watched = frozenset(names.at(name) for name in SENT)
             begin = code.state(
                 names.cleared,
                 {names.at("todo"): byte(second), names.at("due"): due, **_between_steps()},
@@ -373,8 +382,12 @@ class Lemmas:
             code.given = code.given & value.less(MAX_BYTE) & (slot & SLOT).less(slots)
             where = f"the command FF {second:02X}"
             ends = self._run_to(code, begin, {names.head}, where)
-            if INTCON in code.writes and second - CommandKind.TRIM.value not in range(names.servos):
-                raise Fails(f"{where}: interrupts are masked")
+            trims = second - CommandKind.TRIM.value in range(names.servos)
+            for address in sorted(code.switches):
+                if names.words[address] not in MASKING:
+                    raise Fails(f"{where}: the word at 0x{address:03X} changes which interrupts are enabled")
+                if not trims:
+                    raise Fails(f"{where}: interrupts are masked")
             # A command waits while the EEPROM is being written. The words test this once; both answers are
             # followed.
             if len(code.busy) != 1:
@@ -383,13 +396,14 @@ class Lemmas:
             chip = self._chip(code.initial)
             chip.execute(second, value)
             answers = runs if chip.answer is not None else FALSE
+            self._check_handover(where, code, ends, chip.answer is not None)
             wanted = self._unchanged(code)
             for place, changed in bytes_of(names, chip, slot & SLOT).items():
                 wanted[place] = choose(runs, changed, code.initial(place))
             wanted[names.at("todo")] = choose(runs, byte(NOTHING), byte(second))
             wanted.pop(names.at("value"))
             if chip.answer is not None:
-                sent = {"rx_byte": chip.answer, "rx_left": byte(0), "rx_bits": byte(1 << SENDING | 10)}
+                sent = {RX_BYTE: chip.answer, RX_LEFT: byte(0), RX_BITS: byte(1 << SENDING | 10)}
                 for name, changed in sent.items():
                     wanted[names.at(name)] = choose(runs, changed, code.initial(names.at(name)))
             wanted[INTCON] = byte(ENABLED)
@@ -406,6 +420,20 @@ class Lemmas:
             reads |= code.reads
             writes |= code.writes
         return Accesses(frozenset(reads), frozenset(writes))
+
+    def _check_handover(
+        self, where: str, code: Execution, ends: Iterable[SymbolicState], answers: bool
+    ) -> None:
+        """Check that main leaves the receiver's variables alone, but for an answer, which an interrupt may
+        take from the moment on in which `rx_bits` is written: it is written once, after all else.
+        """
+        sent = {self.names.at(name) for name in SENT}
+        for place in sorted(sent & (code.reads if answers else code.reads | code.writes)):
+            raise Fails(f"{where}: main uses {self._place_name(place)} of the receiver")
+        for end in ends:
+            written = [~look for look in end.looks if ~look in sent]
+            if written and (written[-1], written.count(written[-1])) != (self.names.at(RX_BITS), 1):
+                raise Fails(f"{where}: rx_bits is not written once and last")
 
     def _directions(self, code: Execution, end: SymbolicState, answers: Truth) -> Truth:
         """Return whether the receive pin is an input as before, and the transmit pin an output if the chip
@@ -573,7 +601,12 @@ class Lemmas:
         yield from sorted(reached - outside)
 
     def check_sharing(
-        self, main: Accesses, preparing: Accesses, executing: Accesses, context: frozenset[int]
+        self,
+        main: Accesses,
+        preparing: Accesses,
+        executing: Accesses,
+        context: frozenset[int],
+        idle: Accesses = Accesses(),
     ) -> None:
         """Check that main and the interrupt share only what the argument about times covers."""
         names = self.names
@@ -587,7 +620,11 @@ class Lemmas:
         # These are shared on purpose: one side writes them before the other reads them, which the request in
         # `due` and the times in `response` ensure.
         taken_over = addresses("mask", "next_lo", "next_hi", "next_port", "due", "todo", "value")
-        sent = addresses("rx_byte", "rx_left", "rx_bits")
+        sent = addresses(*SENT)
+        # Before its loop finds a request, an interrupt may take the pulse in any cycle.
+        for place in sorted(idle.writes & touched):
+            raise Fails(f"main writes {self._place_name(place)} without a request")
+        preparing |= idle
         loop = preparing.reads | preparing.writes | executing.reads | executing.writes
         for place in sorted(context & (main.reads | main.writes | loop)):
             raise Fails(f"main uses {self._place_name(place)}, where the interrupt keeps its registers")
@@ -600,13 +637,9 @@ class Lemmas:
             raise Fails(f"main uses {self._place_name(place)} after the request is cleared")
         if INTCON in preparing.writes:
             raise Fails("main masks interrupts beside a command")
-        others = {word_of(names.words[address]) for address in names.words.keys() - set(names.of_interrupt)}
-        enabling = [word for word in others if word.writes_f and word.f == INTCON and word.b != GIE]
-        if [word.name for word in enabling] != ["MOVWF"]:
-            raise Fails("main changes which interrupts are enabled")
-        early = (preparing.writes & addresses("todo", "value")) | (preparing.writes & sent)
+        early = (preparing.reads | preparing.writes) & (addresses("todo", "value") | sent)
         for place in sorted(early):
-            raise Fails(f"main writes {self._place_name(place)} before the request is cleared")
+            raise Fails(f"main uses {self._place_name(place)} before the request is cleared")
         allowed = {STATUS, FSR, PCLATH, EEADR, EEDATA, EECON1, EECON1 + 1, INTCON, PCL}
         out = names.streamed.stream.transmit_pin
         allowed |= {names.port(out), names.port(out) | BANK_1} if out else set()

@@ -229,7 +229,7 @@ class _Proof:
         idle = lemmas.idle()
         executing = lemmas.execute()
         preparing = lemmas.prepare()
-        lemmas.check_sharing(main, preparing | idle, executing, context)
+        lemmas.check_sharing(main, preparing, executing, context, idle)
         lemmas.stack()
         return [
             f"every byte and every variable's value: {lemmas.runs} symbolic runs, "
