@@ -17,8 +17,21 @@ from servogen.job.reader import loads
 from servogen.pulse import plan
 from servogen.robot import servo_models
 
-KINDS = ("servo", "arm", "leg", "hexapod", "hexapod-hip-lift", "quadruped-hip-lift", "omni", "stream")
-"""The kinds of robots, from one servo on a pin to positions over a serial line."""
+KINDS = (
+    "servo",
+    "arm",
+    "leg",
+    "hexapod",
+    "hexapod-hip-lift",
+    "hexapod-coxa-femur-tibia",
+    "quadruped-hip-lift",
+    "quadruped-coxa-femur-tibia",
+    "omni",
+    "stream",
+)
+"""The kinds of robots, from one servo on a pin to positions over a serial line; of several whose names begin
+alike, the one with fewer servos first.
+"""
 
 MODEL = re.compile(r'^model = "([^"]*)"', re.MULTILINE)
 
@@ -26,11 +39,9 @@ MODEL = re.compile(r'^model = "([^"]*)"', re.MULTILINE)
 def template(kind: str = KINDS[0]) -> str:
     """Return the commented job file of a kind, with the servos it was written for. Raises InputError.
 
-    The beginning of a kind's name is enough if no other begins so: quadruped.
+    The beginning of a name stands for the first that begins so: quadruped.
     """
-    longer = [each for each in KINDS if each.startswith(f"{kind}-")]
-    if kind not in KINDS and len(longer) == 1:
-        kind = longer[0]
+    kind = next((each for each in KINDS if f"{each}-".startswith(f"{kind}-")), kind)
     if kind not in KINDS:
         raise InputError(
             "unknown-name", f"there is no job to start from for '{kind}'", hint=did_you_mean(kind, KINDS)

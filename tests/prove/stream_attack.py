@@ -77,8 +77,11 @@ def main() -> int:
     while args.insert and counts.total() < args.mutants:
         name = args.jobs[counts.total() % len(args.jobs)]
         text, what = disturbed(render(name, args.dialect), dice)
-        with TemporaryDirectory() as folder, contextlib.chdir(folder):
-            answer, why, _ = asked(name, f"mutant.{args.dialect}.c", text)
+        try:
+            with TemporaryDirectory() as folder, contextlib.chdir(folder):
+                answer, why, _ = asked(name, f"mutant.{args.dialect}.c", text)
+        except AssertionError:
+            continue  # it is no C: between `if` and `else`
         counts[answer] += 1
         print(f"{counts.total()}: {name}: {what}: {answer}: {why}", flush=True)
     while counts.total() < args.mutants:
