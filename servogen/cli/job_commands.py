@@ -29,8 +29,7 @@ def new(
         str | None,
         typer.Option(
             "--robot",
-            help="The kind of robot: servo, arm, leg, hexapod, hexapod-hip-lift, "
-            "quadruped-hip-lift, omni or stream.",
+            help=f"The kind of robot: {', '.join(KINDS[:-1])} or {KINDS[-1]}.",
         ),
     ] = None,
     servo: Annotated[

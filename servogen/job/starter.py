@@ -12,6 +12,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from servogen.errors import InputError, ServogenError, did_you_mean
+from servogen.job.chips import part_of
 from servogen.job.plan import plan_job
 from servogen.job.reader import loads
 from servogen.pulse import plan
@@ -76,7 +77,9 @@ def starter(kind: str, servo: str, file: Path) -> str:
     text = MODEL.sub(lambda _: f"model = {quoted}", text)
     try:
         job = plan_job(loads(text, str(file)))
-        plan(job.trajectory, job.servos, job.frame)
+        for names in [chip.servos for chip in job.chips] or [job.trajectory.joints]:
+            servos = [each for each in job.servos if each.name in names]
+            plan(part_of(job.trajectory, names), servos, job.frame)
     except ServogenError as error:
         message = f"{model.title} does not fit '{kind}': {error.first.message}"
         raise InputError(error.first.code, message, hint=fits) from error

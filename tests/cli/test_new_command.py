@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import sys
 import tomllib
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 from servogen.job import KINDS, load, plan_job
 from servogen.pulse import plan
 from servogen.robot import servo_models
+from servogen.workflows.pair import chip_jobs
 from tests.campaigns import sampled
 from tests.cli.conftest import Run
 
@@ -43,10 +45,12 @@ def test_every_robot_with_every_servo_is_planned_without_a_warning(run: Run, kin
     assert ran.out.splitlines()[1:] == ["  servogen check my.toml", "  servogen watch my.toml"]
     assert models("my.toml") == {servo}
     job = plan_job(load(Path("my.toml")))
-    pulses = plan(job.trajectory, job.servos, job.frame)
-    assert (*job.warnings, *pulses.warnings) == ()
     shortest, longest = servo_models.servo_model(servo).calibration.widths_us
-    assert all(shortest <= width.requested_us <= longest for width in pulses.widths)
+    assert job.warnings == ()
+    for part in chip_jobs(job) if job.chips else (job,):
+        pulses = plan(part.trajectory, part.servos, part.frame)
+        assert pulses.warnings == ()
+        assert all(shortest <= width.requested_us <= longest for width in pulses.widths)
 
 
 @pytest.mark.parametrize(
@@ -56,6 +60,15 @@ def test_check_accepts_every_robot_without_a_warning(run: Run, kind: str) -> Non
     assert run("new", "my.toml", "--robot", kind).code == 0
     ran = run("check", "my.toml")
     assert (ran.code, ran.err) == (0, "")
+
+
+def test_check_shows_the_pulses_of_both_chips(run: Run) -> None:
+    assert run("new", "my.toml", "--robot", "hexapod-coxa-femur-tibia").code == 0
+    ran = run("check", "my.toml")
+    assert (ran.code, ran.err) == (0, "")
+    assert ran.out.splitlines()[-1].startswith("my.toml: 18 servos, loop of 64 frames, 1.28 s; ")
+    facts = json.loads(run("check", "my.toml", "--json").out)
+    assert [each["job"] for each in facts["chips"]] == ["my-chip1", "my-chip2"]
 
 
 def test_a_new_job_is_built(run: Run) -> None:
@@ -85,7 +98,8 @@ def test_a_part_that_could_be_any_servo_is_none(run: Run, spelling: str) -> None
             "octopus",
             "sg90",
             "no job to start from for 'octopus'",
-            "arm, hexapod, hexapod-hip-lift, leg, omni, quadruped-hip-lift, servo, stream",
+            "arm, hexapod, hexapod-coxa-femur-tibia, hexapod-hip-lift, leg, omni, quadruped-coxa-femur-tibia, "
+            "quadruped-hip-lift, servo, stream",
         ),
         (
             "omni",

@@ -155,19 +155,34 @@ class Encoded:
     """The steps of the script; the first only tells where the second begins."""
 
     @property
+    def stride(self) -> int:
+        """Return the bytes from a row of poses to the next in a table of the C."""
+        columns = len(self.legs.turns) if self.legs else len(self.scale.bases)
+        return stride_of(len(self.rows) // columns, columns)
+
+    @property
     def size(self) -> int:
         """Return the size of the tables in bytes."""
         bends = 2 * len(self.legs.turns) if self.legs and self.scale.bent else 0
         return len(self.rows) + len(self.laws) + len(self.script.data) + 3 * len(self.script.timings) + bends
 
 
-def row_table(rows: Sequence[Sequence[int]], *, limited: bool = True) -> bytes:
-    """Return rows as one table. Raises ResourceError if it is `limited` and they do not fit."""
+def stride_of(rows: int, columns: int) -> int:
+    """Return the bytes from a row to the next: of halves of rows, in two tables, if one cannot hold all."""
+    return columns if rows * columns <= MAX_BYTES else (columns + 1) // 2
+
+
+def row_table(rows: Sequence[Sequence[int]], *, limited: bool = True, halves: bool = False) -> bytes:
+    """Return rows one after the other. Raises ResourceError if the table is `limited`, or are the two of the
+    `halves` of rows, and they do not fit.
+    """
     data = bytes(value for row in rows for value in row)
-    if limited and len(data) > MAX_BYTES:
+    stride = stride_of(len(rows), len(rows[0])) if halves else len(rows[0])
+    if limited and len(rows) * stride > MAX_BYTES:
+        holds = "two tables hold" if halves else "table holds"
         raise ResourceError(
             "does-not-fit",
-            f"the motion's poses have {len(data)} bytes: their table holds {MAX_BYTES}",
+            f"the motion's poses have {len(data)} bytes: their {holds} {MAX_BYTES << halves}",
             hint="a motion of fewer different frames (fewer segments, a shorter cycle_s, a greater "
             "max_error_us) needs fewer; two chips ([[chip]] twice) hold about half of them each",
         )

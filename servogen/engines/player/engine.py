@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 from servogen.engines.firmware import Firmware, ResourceError
@@ -24,17 +24,25 @@ from servogen.motion import JointTrajectory
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import WireRule
 
+HALVES_BYTES = 200
+"""By how much poses in two tables may be larger, at most: their C is shorter than that of a walk by legs."""
 EEPROM_C = 16
 """The words of the C, at most, that reads a script from the EEPROM and the table before it."""
 
 
 def play(
-    job: EngineJob, max_error_us: float | None = None, more_bytes: int = 0, *, bends: bool = True
+    job: EngineJob,
+    max_error_us: float | None = None,
+    more_bytes: int = 0,
+    *,
+    bends: bool = True,
+    halves: bool = False,
 ) -> tuple[JointTrajectory, Playing, PulseSchedule]:
     """Return the motion with its lead-in, as the player plays it, and all frames that it can play.
 
     The player encodes it for errors of up to `max_error_us`, by default the job's. Its tables may be larger
-    by `more_bytes` than those that fit flash beside the program; without `bends` no calibration has a knee.
+    by `more_bytes` than those that fit flash beside the program; without `bends` no calibration has a knee;
+    poses may lie in two tables of `halves` of rows.
     Raises InputError or ResourceError.
     """
     buttons = given(job.inputs, ControlButtons) or ControlButtons()
@@ -60,6 +68,7 @@ def play(
         max_error_us=job.firmware.max_error_us if max_error_us is None else max_error_us,
         max_bytes=DATA_BYTES - (BUTTONS_BYTES if buttons.any else 0) + more_bytes,
         bends=bends,
+        halves=halves,
         looking=follows,
     )
     waiting = with_wait(played.plan.schedule, buttons.waiting)
@@ -129,6 +138,48 @@ def _candidate(job: EngineJob, max_error_us: float, **choices: Any) -> _Candidat
     return _Candidate(motion, played, whole, make)
 
 
+def _within(job: EngineJob, limit: float) -> _Candidate:
+    """Return the motion of the first way to hold it that is within `limit` of its plan, or of the first way
+    at all. Raises InputError, or ResourceError if no way holds it.
+    """
+    # A script in the EEPROM leaves the tables more room in flash, at the cost of the C that reads it.
+    ways = (_candidate, partial(_candidate, more_bytes=eeprom_room(len(job.servos)) - EEPROM_C), _in_halves)
+    first: _Candidate | None = None
+    refused: ResourceError | None = None
+    for way in ways:
+        try:
+            candidate = way(job, limit)
+        except ResourceError as error:
+            refused = error
+            continue
+        if candidate.error_us <= limit:
+            return candidate
+        first = first or candidate
+    if first is None:
+        assert refused is not None
+        raise refused
+    return first
+
+
+def _in_halves(job: EngineJob, limit: float) -> _Candidate:
+    """Return the motion with poses in two tables, as close to its plan as flash allows. Raises InputError,
+    ResourceError.
+    """
+    if commander(job.inputs) is not None:
+        raise ResourceError("does-not-fit", "a walk on command has its poses in one table")
+    more_bytes, best = HALVES_BYTES, None
+    while True:
+        candidate = _candidate(job, limit, more_bytes=more_bytes, halves=True)
+        size = candidate.played.encoded.size - DATA_BYTES
+        if candidate.error_us <= limit and candidate.fits(job.firmware.dialect):
+            return candidate
+        if best is None or candidate.error_us <= limit:
+            best = candidate
+        if size > more_bytes:  # there is no smaller one
+            return best
+        more_bytes = size - 1
+
+
 def _closest(job: EngineJob, usual: _Candidate) -> _Candidate:
     """Return the motion as close to its plan as flash allows, unless rounding alone decides its error."""
     best, limit = usual, job.firmware.max_error_us
@@ -170,11 +221,7 @@ class PlayerEngine:
     def plan(self, job: EngineJob) -> EnginePlan:
         """Plan the job's frames; a dialect's C is compiled when its firmware is requested."""
         limit, dialect = job.firmware.max_error_us, job.firmware.dialect
-        candidate = _candidate(job, limit)
-        if candidate.error_us > limit:
-            # A script in the EEPROM leaves the tables more room in flash, at the cost of the C that reads it.
-            finer = _candidate(job, limit, more_bytes=eeprom_room(len(job.servos)) - EEPROM_C)
-            candidate = finer if finer.error_us <= limit else candidate
+        candidate = _within(job, limit)
         if candidate.played.encoded.scale.bent and not candidate.fits(dialect):
             # No room for the knees: the caller says how far the pulses are off.
             candidate = _candidate(job, limit, bends=False)

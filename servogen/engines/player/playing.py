@@ -39,6 +39,22 @@ FAR = (0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8)
 NEAR = (0.3, 0.5, 0.7, 0.9, 1.1, 1.4, 1.7, 2.2)
 """Steps by which poses may differ from the row that they share, the smallest first."""
 
+USUAL = tuple(zip(FAR, NEAR, strict=True))
+MORE = (
+    (0.65, 1.8),
+    (0.7, 1.9),
+    (0.75, 2.0),
+    (0.9, 1.0),
+    (1.0, 1.4),
+    (1.0, 2.2),
+    (1.2, 1.4),
+    (1.3, 2.2),
+    (1.6, 2.2),
+)
+"""Also tried where poses lie in two tables, for which flash has just room. A law that may deviate by more
+than the limit often deviates by less.
+"""
+
 DATA_BYTES, BUTTONS_BYTES, COMMANDS_BYTES, KNEES_BYTES = 328, 50, 60, 50
 """The size of tables, in bytes, that fits beside the program; what buttons, commands for a walk, and knees
 of calibrations subtract from it.
@@ -81,6 +97,7 @@ def playing(
     max_error_us: float = 10.0,
     max_bytes: int = DATA_BYTES,
     bends: bool = True,
+    halves: bool = False,
     looking: bool = False,
 ) -> Playing:
     """Return how the player plays `trajectory`; `servos` are its joints, in its order.
@@ -88,7 +105,8 @@ def playing(
     `bindings` tell which servos belong to legs; `soft` are the frames at which the parts of the soft start
     end. The distance from the plan is as small as tables of `max_bytes` allow; it may exceed `max_error_us`,
     which the caller checks. A walk that exceeds it is encoded more closely, if `bends` allows it with the
-    knees of bent calibrations. The program may be `looking` at the wire of another chip. Raises InputError.
+    knees of bent calibrations. Poses may lie in two tables of `halves` of rows. The program may be `looking`
+    at the wire of another chip. Raises InputError.
     """
     clock = trajectory.clock
     rows = ideal_widths(trajectory, servos, clock)
@@ -96,7 +114,7 @@ def playing(
         raise InputError("no-pulses", "the motion has no pulse")
     pairs = leg_channels(servos, bindings)
     loop_start = trajectory.loop_start
-    encoded = encoded_motion(rows, loop_start, soft, pairs, max_error_us, clock, max_bytes)
+    encoded = encoded_motion(rows, loop_start, soft, pairs, max_error_us, clock, max_bytes, halves=halves)
     played = _played(trajectory, servos, frame, rows, encoded, looking=looking)
     for turns in ((), [turn for turn, _ in pairs] if bends else ()):
         if not encoded.legs or played.plan.schedule.plan_error_us <= max_error_us:
@@ -180,6 +198,7 @@ def encoded_motion(
     *,
     knees: Knees | None = None,
     limited: bool = True,
+    halves: bool = False,
 ) -> Encoded:
     """Return the first encoding that has at most `max_bytes`, or the smallest one, trying that of a walk by
     its legs first.
@@ -195,13 +214,16 @@ def encoded_motion(
     marks = (*soft, loop_start)
     if knees is None:
         encoders.append(
-            lambda far, near: poses_encoded(rows, marks, loop_start, far * limit, near, limited=limited)
+            lambda far, near: poses_encoded(
+                rows, marks, loop_start, far * limit, near, limited=limited, halves=halves
+            )
         )
+    tolerances = sorted((*USUAL, *MORE)) if halves else USUAL
     refused: ResourceError | None = None
     smallest: Encoded | None = None
     for encoder in encoders:
         # From the closest encoding to the coarsest: the first that fits is the best.
-        for far, near in zip(FAR, NEAR, strict=True):
+        for far, near in tolerances:
             try:
                 encoded = encoder(far, near)
             except ResourceError as error:

@@ -11,14 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, lru_cache
 from itertools import combinations, pairwise
 
 import numpy as np
 
 from servogen.engines.firmware import ResourceError
 from servogen.engines.player.arithmetic import ENTRIES, Whole, blended, weights
-from servogen.engines.player.encoding import Encoded, Rows, WidthScale, row_table, scale_of
+from servogen.engines.player.encoding import Encoded, Rows, WidthScale, row_table, scale_of, stride_of
 from servogen.engines.player.laws import SHAPES, table_of
 from servogen.engines.player.script import (
     MAX_BYTES,
@@ -69,21 +69,50 @@ class _Piece:
 
 
 def poses_encoded(
-    rows: Floats, marks: Sequence[int], loop_start: int, far: float, near: float, *, limited: bool = True
+    rows: Floats,
+    marks: Sequence[int],
+    loop_start: int,
+    far: float,
+    near: float,
+    *,
+    limited: bool = True,
+    halves: bool = False,
 ) -> Encoded:
     """Return `rows` (frames, channels; NaN without pulses), with laws that deviate by up to `far` cycles.
 
     A step begins at each of `marks`. Poses within `near` steps of a row share it. Raises ResourceError if
-    they are `limited` and do not fit the tables, and if they exceed them by far.
+    they are `limited` and do not fit the table, or the two of the `halves` of rows, and if they exceed that
+    by far.
     """
+    shape, marks = rows.shape, tuple(marks)
+    found = _poses_encoded(rows.tobytes(), shape, marks, loop_start, far, near, limited, halves)
+    if isinstance(found, ResourceError):
+        raise found
+    return found
+
+
+@lru_cache(maxsize=64)  # a motion is encoded again for each size of the tables that is tried
+def _poses_encoded(
+    data: bytes,
+    shape: tuple[int, int],
+    marks: tuple[int, ...],
+    loop_start: int,
+    far: float,
+    near: float,
+    limited: bool,
+    halves: bool,
+) -> Encoded | ResourceError:
+    rows = np.frombuffer(data, dtype=np.float64).reshape(shape)
     whole = np.vstack((rows, rows[loop_start]))
     scale = scale_of(rows[~np.isnan(rows).any(axis=1)])
     poses, moves = fewest(whole, far, near * float((1 << scale.shifts).max()))
-    if poses * rows.shape[1] > MAX_BYTES or moves >= MAX_BYTES:
-        raise ResourceError(
+    columns = rows.shape[1]
+    stride = stride_of(poses, columns) if halves else columns
+    if poses * stride > MAX_BYTES or moves >= MAX_BYTES:
+        return ResourceError(
             "does-not-fit",
             f"the motion needs {poses} or more poses and {moves} or more moves between them: "
-            f"the player's tables hold {MAX_BYTES // rows.shape[1]} and {MAX_BYTES - 1}",
+            f"the player's tables hold {MAX_BYTES // stride} and {MAX_BYTES - 1}",
         )
     parts = list(_parts(whole, marks, loop_start, far))
     best: Encoded | None = None
@@ -91,7 +120,7 @@ def poses_encoded(
     for laws in LAW_SETS:
         pieces = [piece for part in parts for piece in part.pieces(laws)]
         try:
-            candidate = _encoded(whole, pieces, loop_start, laws, scale, near, limited=limited)
+            candidate = _encoded(whole, pieces, loop_start, laws, scale, near, limited=limited, halves=halves)
         except ResourceError as error:
             refused = error
             continue
@@ -101,7 +130,7 @@ def poses_encoded(
             break
     if best is None:
         assert refused is not None
-        raise refused
+        return refused
     return best
 
 
@@ -327,6 +356,7 @@ def _encoded(
     near: float,
     *,
     limited: bool,
+    halves: bool,
 ) -> Encoded:
     places = {law: number * ENTRIES for number, law in enumerate(laws)}
     places |= {"straight": STRAIGHT, "stay": STAY, "silent": SILENT}
@@ -346,8 +376,9 @@ def _encoded(
     ]
     first = 1 + sum(piece.end <= loop_start for piece in pieces)
     lead, loop, kept_rows = ordered(steps[:first], steps[first:], pose_rows.kept)
-    table = row_table(kept_rows, limited=limited)
-    encoded_script = script(lead, loop, rows.shape[1], legs=False, limited=limited)
+    table = row_table(kept_rows, limited=limited, halves=halves)
+    stride = stride_of(len(kept_rows), rows.shape[1])
+    encoded_script = script(lead, loop, stride, legs=False, limited=limited)
     tables = b"".join(table_of(law) for law in laws)
     values, silent = _played([*lead, *loop], kept_rows, tables)
     return Encoded(

@@ -231,7 +231,6 @@ def render_player(
     legs, timings = encoded.legs, encoded.script.timings
     tick, clock, shifts = played.layout.tick, schedule.clock, encoded.scale.shifts
     shift = int(shifts.min())
-    columns = len(legs.turns) if legs else len(schedule.channels)
     slots = Slots.of(played)
     constants = _constants(played, slots)
     high = sorted({int(base) >> 8 for base in encoded.scale.bases})
@@ -247,8 +246,10 @@ def render_player(
         prescaler=f"0x{PRESCALER + TICKS.index(tick):02X}",
         step_us=" or ".join(decimal(clock.us(1 << shift)) for shift in sorted(set(shifts.tolist()))),
         channels=[_channel(played, channel) for channel in played.order],
-        columns=columns,
-        rows=table_lines(_row_groups(list(_rows(played)), columns)),
+        columns=encoded.stride,
+        tables={
+            name: table_lines(_row_groups(values, encoded.stride)) for name, values in _tables(played).items()
+        },
         legs=legs is not None,
         stand=legs.stand if legs else None,
         top=legs.lifted if legs else None,
@@ -423,7 +424,7 @@ def _repeats(data: bytes) -> bool:
 
 
 def _row_groups(rows: list[int], columns: int) -> Iterator[tuple[list[int], str]]:
-    """Yield the rows of poses, each with its place; those of one byte together."""
+    """Yield the rows of a table of poses, each with its place; those of one byte together."""
     if columns == 1:
         yield rows, ""
         return
@@ -431,16 +432,23 @@ def _row_groups(rows: list[int], columns: int) -> Iterator[tuple[list[int], str]
         yield rows[first : first + columns], str(first)
 
 
-def _rows(played: Playing) -> Iterator[int]:
-    """Yield the table of poses, with columns in the order of the slots, or of the legs."""
-    encoded = played.encoded
+def _tables(played: Playing) -> dict[str, list[int]]:
+    """Return the table of poses, or the two of halves of them, by name, with columns in the order of the
+    slots, or of the legs.
+    """
+    encoded, stride = played.encoded, played.encoded.stride
     if encoded.legs is not None:
-        yield from encoded.rows
-        return
+        return {"ROW": list(encoded.rows)}
     count = len(played.order)
-    for first in range(0, len(encoded.rows), count):
-        for channel in played.order:
-            yield encoded.rows[first + channel]
+    rows = [
+        [encoded.rows[first + channel] for channel in played.order]
+        for first in range(0, len(encoded.rows), count)
+    ]
+    halves = {"ROW": [value for row in rows for value in row[:stride]]}
+    if stride < count:
+        padded = [[*row, 0][stride : 2 * stride] for row in rows]
+        halves["REST"] = [value for row in padded for value in row]
+    return halves
 
 
 def kernel(tick: Cycles, stagger: Cycles, wire: str | None = None) -> str:

@@ -107,9 +107,10 @@ LEGS_TIMINGS = 3
 
 
 def script(
-    lead: Sequence[ScriptStep], loop: Sequence[ScriptStep], columns: int, *, legs: bool, limited: bool = True
+    lead: Sequence[ScriptStep], loop: Sequence[ScriptStep], stride: int, *, legs: bool, limited: bool = True
 ) -> Script:
-    """Return the script of steps that are played once, followed by steps that repeat endlessly.
+    """Return the script of steps that are played once, followed by steps that repeat endlessly; `stride` is
+    the bytes from a row to the next.
 
     Raises ResourceError if it does not fit a table; unless `limited`, only its size is then right.
     """
@@ -129,15 +130,15 @@ def script(
         return _entries(steps, hows)
 
     assert not legs or lifting < ALL_LEGS
-    first, owners = _bytes(entries(lead), columns)
-    rest, later = _bytes(entries(loop), columns)
+    first, owners = _bytes(entries(lead), stride)
+    rest, later = _bytes(entries(loop), stride)
     data = first + rest
     if limited and len(data) > MAX_BYTES - 1:
         raise ResourceError(
             "does-not-fit", f"the motion's script has {len(data)} bytes: its table holds {MAX_BYTES - 1}"
         )
     owners += [len(lead) + owner for owner in later]
-    return Script(data, len(first), timings, len(_bytes(entries(lead)[:3], columns)[0]), tuple(owners))
+    return Script(data, len(first), timings, len(_bytes(entries(lead)[:3], stride)[0]), tuple(owners))
 
 
 ALL_LEGS = 0x3F
@@ -152,7 +153,7 @@ def _entries(steps: Sequence[ScriptStep], hows: Sequence[int]) -> list[RowEntry]
     return entries
 
 
-def _bytes(entries: Sequence[RowEntry], columns: int) -> tuple[bytes, list[int]]:
+def _bytes(entries: Sequence[RowEntry], stride: int) -> tuple[bytes, list[int]]:
     """Return the entries as bytes, and the number of the entry to which each byte belongs.
 
     Consecutive repetitions are stored once, with their number.
@@ -166,9 +167,9 @@ def _bytes(entries: Sequence[RowEntry], columns: int) -> tuple[bytes, list[int]]
         for index, entry in enumerate(body):
             again = times > 1 and index == 0 and not _follows(body[-1], entry)
             if entry.spot:
-                data += b"" if entry.goes_on else bytes((SPOT, entry.row * columns & 0xFF))
+                data += b"" if entry.goes_on else bytes((SPOT, entry.row * stride & 0xFF))
             elif last is None or entry.row != last + 1 or again:
-                data += bytes((AT, entry.row * columns & 0xFF))
+                data += bytes((AT, entry.row * stride & 0xFF))
             data.append(entry.how & 0xFF)
             owners += [number + index] * (len(data) - len(owners))
             last = None if entry.spot else entry.row
