@@ -98,8 +98,8 @@ def test_a_part_that_could_be_any_servo_is_none(run: Run, spelling: str) -> None
             "octopus",
             "sg90",
             "no job to start from for 'octopus'",
-            "arm, hexapod, hexapod-coxa-femur-tibia, hexapod-hip-lift, leg, omni, quadruped-coxa-femur-tibia, "
-            "quadruped-hip-lift, servo, stream",
+            "arm, hexapod, hexapod-coxa-femur-tibia, hexapod-hip-lift, leg, omni, "
+            "quadruped-coxa-femur-tibia, quadruped-hip-lift, servo, stream",
         ),
         (
             "omni",

@@ -118,7 +118,8 @@ def disturbed(text: str, dice: random.Random) -> tuple[str, str]:
     """A program's C with instructions behind a statement of main's loop or of what it calls, and what they
     are.
     """
-    begin = text.index("void read_trim(void)")
+    # Before the request of a pulse is cleared, no interrupt takes what is prepared: nothing is wrong there.
+    begin, prepares = text.index("void position(void)"), text.index("void begin_frame(void)")
     ends = [match.end() for match in re.finditer(r"^ {4,}[^;{}\n]*;(?= *$| *//| */\*)", text, re.MULTILINE)]
     inside = re.compile(r"(?:_asm|asm \{|#asm|__asm)[^}]*?(?:_endasm|\}|#endasm|__endasm)")
     assembly = [match.span() for match in inside.finditer(text)]
@@ -126,7 +127,7 @@ def disturbed(text: str, dice: random.Random) -> tuple[str, str]:
     fit = [
         end
         for end in ends
-        if end > begin and not start[0] < end < start[1] and not any(a < end < b for a, b in assembly)
+        if end > begin and not prepares < end < start[1] and not any(a < end < b for a, b in assembly)
     ]
     at, moment = dice.choice(fit), dice.choice(MOMENTS)
     line = text.count("\n", 0, at) + 1
