@@ -134,7 +134,9 @@ def regular_wire(case: Case) -> Counterexample | None:
     some is such.
     """
     rule, period = case.schedule.wire, int(case.schedule.period)
-    for late in range(LATE) if rule is not None else ():
+    if rule is None:
+        return None
+    for late in range(LATE):
         rises = [(WIRE_QUIET_FRAMES + frame) * period + late for frame in range(rule.frames + 2)]
         changes = [(rise + each * int(WIRE_HIGH * period), 1 - each) for rise in rises for each in (0, 1)]
         levels = ((rule.pin, ((0, 0), *changes)),)
