@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from math import cos, degrees, radians, sin
@@ -10,7 +11,7 @@ from typing import Annotated
 import typer
 
 from servogen.cli.options import CLOCK_HZ, Animate, Csv, Json, PeriodUs, Plot, table_option, usual
-from servogen.cli.show import as_json, next_step, status, table, warn_of_all
+from servogen.cli.show import as_json, next_step, print_lines, status, table, warn_of_all
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.job.schema import MAX_MM, RoutineTable, SegmentTable, WalkTable
 from servogen.job.starter import KINDS
@@ -337,32 +338,32 @@ def _show_walk(robot: WalkingRobot, rhythm: Gait, planned_walk: Walk, facts: Gai
             for joint in facts.joints
         ],
     )
-    frames, loop = (
-        len(planned_walk.trajectory.angles),
-        len(planned_walk.trajectory.angles) - planned_walk.trajectory.loop_start,
-    )
+    print_lines(_walk_lines(planned_walk, facts))
+
+
+def _walk_lines(planned_walk: Walk, facts: GaitFacts) -> Iterator[str]:
+    """Yield what stands below the tables."""
+    frames = len(planned_walk.trajectory.angles)
+    loop = frames - planned_walk.trajectory.loop_start
     stretched = planned_walk.stretched_text()
-    print(f"a cycle: {planned_walk.frames_per_cycle} frames, {facts.cycle_s:g} s{stretched}")
-    for change in planned_walk.changes:
-        print(change.text())
+    yield f"a cycle: {planned_walk.frames_per_cycle} frames, {facts.cycle_s:g} s{stretched}"
+    yield from (change.text() for change in planned_walk.changes)
     again = f"the last {loop} of them repeat" if loop < frames else "start and stop included, and again"
-    print(f"the walk: {frames} frames, {again}")
+    yield f"the walk: {frames} frames, {again}"
     if facts.margin is not None:
         feet, frame = ", ".join(facts.margin_feet), facts.margin_frame
         minimum = f"at least {1000 * facts.margin:z.2f} mm (frame {frame}, on {feet})"
-        print(f"stability margin: {minimum if feet else f'none, no foot is on the ground in frame {frame}'}")
+        yield f"stability margin: {minimum if feet else f'none, no foot is on the ground in frame {frame}'}"
     if facts.correction > 0:
         where = f"{facts.correction_leg}, frame {facts.correction_frame}"
-        print(f"springs: they give up to {1000 * facts.correction:z.2f} mm ({where})")
-    for _, text in planned_walk.centre_texts():
-        print(text)
-    for held in planned_walk.held_back:
-        print(held.text())
-    print(planned_walk.slip.text())
+        yield f"springs: they give up to {1000 * facts.correction:z.2f} mm ({where})"
+    yield from (text for _, text in planned_walk.centre_texts())
+    yield from (held.text() for held in planned_walk.held_back)
+    yield planned_walk.slip.text()
     lost_motion = planned_walk.lost_motion_text()
     if lost_motion is not None:
-        print(lost_motion)
-    print(
+        yield lost_motion
+    yield (
         f"feet rise {1000 * facts.lift:z.1f} mm, body {1000 * facts.body_height:z.1f} mm above the ground, "
         f"{1000 * facts.clearance:z.1f} mm free under it and its legs"
     )

@@ -12,7 +12,7 @@ from servogen.cli.options import (
     JobFile,
     Json,
 )
-from servogen.cli.show import as_json, status, warn_of_all
+from servogen.cli.show import as_json, print_lines, status, warn_of_all
 from servogen.cli.widths import width_table
 from servogen.errors import InputError, Location
 from servogen.job import KINDS, load, plan_job, starter, usual_servo
@@ -70,10 +70,9 @@ def check(job: JobFile, json: Json = False) -> None:
         as_json(facts[0] if len(facts) == 1 else {"job": loaded.name, "chips": facts}, (*warnings, *notes))
         return
     width_table([row for each in programs for row in each.plan.widths])
-    for note in notes:
-        print(note.message)
+    print_lines(note.message for note in notes)
     seconds = float(schedules[0].clock.seconds(schedules[0].loop_frames * schedules[0].period))
     loop = f"loop of {counted(schedules[0].loop_frames, 'frame')}, {seconds:g} s"
     errors = dict.fromkeys(plan_text(schedule.plan_error) for schedule in schedules)
-    print(f"{job}: {counted(len(loaded.servos), 'servo')}, {loop}; {'; '.join(errors)}")
+    print_lines([f"{job}: {counted(len(loaded.servos), 'servo')}, {loop}; {'; '.join(errors)}"])
     warn_of_all(warnings)

@@ -28,6 +28,7 @@ def width_table(widths: Sequence[Quantised], unfolded: str = "--json") -> None:
         "Pulse widths",
         ("servo", *(["pulse"] if examples else []), "requested µs", "cycles", "error µs", "frames"),
         [_width_cells(rows, examples, "widths" if many else "widths of ramps") for rows in folded],
+        least=("requested µs",),
     )
     if many:
         print(f"{len(widths)} widths, a row for each servo: {unfolded} has them all")
