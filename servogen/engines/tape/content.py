@@ -13,8 +13,8 @@ In: a schedule, the order of its channels in the program. Out: `Content`, whose 
              SILENT  no data: no pulses, the widths stay
 
 The lower six bits of a record's first byte are the number of further frames for which it holds. The sum
-begins with SEED at each record; each byte rotates it left by one bit and is added: another byte anywhere in
-a record is another sum.
+begins with SEED at each record; each byte rotates it left by one bit and is added: another byte in a
+record of the same length is another sum.
 """
 
 from __future__ import annotations
