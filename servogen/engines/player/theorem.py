@@ -11,7 +11,7 @@ phases in which the loop that waits for the timer can meet its tick.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 from servogen.engines.player.layout import MIN_WIDTH, Slot, SlotLayout
@@ -153,8 +153,8 @@ class _Kernel:
             encode("GOTO", k=each.k - self.start & 0x7FF) if each.flow == "jump" else word
             for each, word in zip(decoded, words, strict=True)
         )
-        labels = (label - self.start for label in (self.start, self.check, self.poll, self.done))
-        return _Kernel(relative, places, *labels, self.tick, self.stagger)
+        check, poll, done = (label - self.start for label in (self.check, self.poll, self.done))
+        return replace(self, words=relative, places=places, start=0, check=check, poll=poll, done=done)
 
     @property
     def _ram(self) -> Mapping[str, int]:
