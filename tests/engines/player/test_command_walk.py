@@ -51,7 +51,8 @@ def changed(address: int, word: int) -> Image:
 def rows_begin() -> tuple[int, int]:
     """Return the address of the table of rows, and its bytes, by the bytes of the C."""
     text = (ROOT / "firmware" / JOB / "main.c2c.c").read_text()
-    rows = [int(byte) for byte in re.search(r"ROW\[\] = \{ (.*?) \}", text)[1].split(", ")]
+    table = re.search(r"ROW\[\] = \{(.*?)\n\}", text, re.DOTALL)[1]
+    rows = [int(byte) for byte in re.findall(r"\d+", re.sub(r"/\*.*?\*/", "", table))]
     words = image().program
     wanted = [RETLW | byte for byte in rows]
     (begin,) = [at for at in words if [words.get(at + n) for n in range(len(rows))] == wanted]
