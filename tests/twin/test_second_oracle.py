@@ -1,6 +1,7 @@
 """The quasi-static model of rigid legs against the physics, with which it shares no equation."""
 
 import math
+import random
 
 import pytest
 
@@ -8,6 +9,8 @@ pytest.importorskip("mujoco", reason="the twin's physics needs MuJoCo: pip insta
 
 from servogen.twin import TwinSettings, TwinVerdict
 from tests.campaigns import sampled
+from tests.engines.player.own_robots import drawn
+from tests.twin.own_model import compared, stronger
 from tests.twin.walking import AHEAD, CURVE, SUPPLIED, TURN, WALK, rigid_end, walking
 
 Pose = tuple[float, float, float]
@@ -43,3 +46,11 @@ def test_a_servo_that_does_not_follow_takes_the_robot_off_the_path_of_the_plan()
     seen = walking(AHEAD, extra=SUPPLIED).twin(TwinSettings(unplugged=("R2-lift",)))
     way, turn = apart(planned_end(seen), seen.done)
     assert way > 5 and turn > 3
+
+
+@pytest.mark.campaign
+def test_a_model_of_its_own_that_reads_the_files_alone_goes_where_the_twin_goes() -> None:
+    """`python -m tests.twin.own_model` compares twelve random robots."""
+    found = compared(stronger(drawn(0, random.Random(1), "hip-lift"), 0))
+    assert found.good
+    assert abs(found.own[2]) > 0.1 and found.ways[0] > 0.1
