@@ -22,6 +22,7 @@ ABOUT_IT = (
     "servogen/cli/certificate_command.py",
     "servogen/cli/contracts.py",
     "servogen/workflows/certificates.py",
+    "servogen/workflows/pair_proof.py",
     "docs/proof.md",
 )
 """Files about the theorem, or the program that finds it."""
@@ -60,6 +61,7 @@ ALLOWED = {
         "proves that",
         "than the proof prints",
         "this proves that no slot",
+        "proves both programs, for every power-up and every wire",
     ),
     "docs/diagnostics.md": ("is proven by one engine only", "prove it without"),
     "servogen/cli/app.py": ('"prove_command": ("prove",)',),
@@ -68,7 +70,11 @@ ALLOWED = {
     "servogen/engines/stream/response.py": ("proven",),  # a lemma of `prove --any-line`
     "servogen/report/text.py": ("servogen prove",),
     # The certificate's answer, beside a verdict on one run.
-    "servogen/watch/subject.py": ("Return what is proven of",),
+    "servogen/watch/subject.py": ("Return what is proven of", "two chips, what is proven of the one"),
+    "servogen/answers.py": ("proven", "It proves", "proofs"),  # the keys of these answers
+    "servogen/workflows/output_schema.py": ('"prove": (',),
+    "servogen/workflows/pair.py": ("PairProof", "Return what is proven of both programs"),
+    "docs/job.md": ("prove both, and [what they do together](proof.md#two-chips)",),
     "servogen/watch/server.py": ("what is proven of it",),
     "servogen/workflows/reporting.py": ("checking a proof", "what is proven of the job's own program"),
     "servogen/cli/signal_commands.py": ('next_step("prove"',),

@@ -58,7 +58,6 @@ REQUEST, COMMAND = 1, 2
 """Bits of `due`."""
 MAX_BYTE = 0xFF  # begins a command: no value is as large
 WRERR = 3
-MASKING = frozenset(encode(name, f=INTCON, b=GIE) for name in ("BCF", "BSF"))
 SENT = RX_BYTE, RX_LEFT, RX_BITS = "rx_byte", "rx_left", "rx_bits"
 """The receiver's variables, in which main leaves an answer to the interrupt."""
 MAX_SHOWN = 8
@@ -384,7 +383,8 @@ class Lemmas:
             ends = self._run_to(code, begin, {names.head}, where)
             trims = second - CommandKind.TRIM.value in range(names.servos)
             for address in sorted(code.switches):
-                if names.words[address] not in MASKING:
+                word = word_of(names.words[address])
+                if not word.changes_bit or (word.f, word.b) != (INTCON, GIE):
                     raise Fails(f"{where}: the word at 0x{address:03X} changes which interrupts are enabled")
                 if not trims:
                     raise Fails(f"{where}: interrupts are masked")
