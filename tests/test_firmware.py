@@ -19,7 +19,7 @@ FIRMWARE = ROOT / "firmware"
 JOBS = sorted((ROOT / "jobs").glob("*.toml"))
 IGNORED = ignored_names()
 KEPT = sorted(folder.name for folder in FIRMWARE.iterdir() if folder.is_dir())
-MAX_LINES = 25_000
+MAX_LINES = 26_000
 
 
 @pytest.mark.parametrize("job", JOBS, ids=lambda job: job.stem)

@@ -15,12 +15,12 @@ from servogen.cli.options import (
 from servogen.cli.show import as_json, print_lines, status, warn_of_all
 from servogen.cli.widths import width_table
 from servogen.errors import InputError, Location
-from servogen.job import KINDS, load, plan_job, starter, usual_servo
+from servogen.job import KINDS, PlannedJob, load, plan_job, starter, usual_servo
 from servogen.outputs import write_text
 from servogen.plan_error import plan_text
 from servogen.units import counted
+from servogen.workflows.engines import PlayedJob
 from servogen.workflows.engines import planned as planned_job
-from servogen.workflows.pair import planned_pair
 
 
 def new(
@@ -61,7 +61,7 @@ def check(job: JobFile, json: Json = False) -> None:
     """Check a job file and show its pulses, without building it."""
     loaded = plan_job(load(job))
     with status(f"{loaded.name}: planning"):
-        programs = planned_pair(loaded).chips if loaded.chips else (planned_job(loaded),)
+        programs = _planned_chips(loaded) if loaded.chips else (planned_job(loaded),)
     schedules = [each.plan.schedule for each in programs]
     warnings = (*loaded.warnings, *(warning for each in programs for warning in each.plan.warnings))
     notes = [note for each in programs for note in each.job.notes]
@@ -76,3 +76,9 @@ def check(job: JobFile, json: Json = False) -> None:
     errors = dict.fromkeys(plan_text(schedule.plan_error) for schedule in schedules)
     print_lines([f"{job}: {counted(len(loaded.servos), 'servo')}, {loop}; {'; '.join(errors)}"])
     warn_of_all(warnings)
+
+
+def _planned_chips(job: PlannedJob) -> tuple[PlayedJob, ...]:
+    from servogen.workflows.pair import planned_pair  # it runs both programs: the simulator and the compiler
+
+    return planned_pair(job).chips

@@ -36,7 +36,7 @@ def beside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("plan job.toml --csv a.csv", "servogen build job.toml"),
         ("plan job.toml --plot a.svg", "servogen build job.toml"),
         ("gait hexapod --csv a.csv", "servogen new --robot hexapod"),
-        ("gait hexapod-coxa-femur-tibia --csv a.csv", "servogen robots hexapod-coxa-femur-tibia"),
+        ("gait hexapod-coxa-femur-tibia --csv a.csv", "servogen new --robot hexapod-coxa-femur-tibia"),
         ("run-program moves.rvm --csv a.csv", "servogen new --robot arm"),
         ("simulate main.hex --cycles 900 --edges a.csv", "servogen measure a.csv"),
         ("simulate main.hex --cycles 900 --trace a.txt", "servogen watch main.hex"),

@@ -136,13 +136,13 @@ def test_the_tiles_have_the_numbers_of_the_motion_and_of_the_first_program(facts
 
 def test_the_wiring_has_the_range_and_the_trim_of_each_servo(facts: PageFacts) -> None:
     """A Futaba S3001 of the labs: 1 ms at 0° and 1 ms more at 180°, trimmed by 12.5 µs."""
-    arm, hand, supply, *_ = html._wiring(facts.job)
+    arm, hand, supply, *_ = html.wiring_rows(facts.job)
     title = facts.job.servos[0].model.title
     low, high = facts.job.servos[1].widths_us
     assert arm == ("6", "RB0", "arm", title, f"{low + 12.5:g} to {high + 12.5:g} µs", "+12.5 µs")
     assert hand == ("18", "RA1", "hand", title, f"{low:g} to {high:g} µs", "–")
     assert supply == ("14", "VDD", "+5 V, 100 nF to VSS", "", "", "")
-    assert ("4", "MCLR", "10 kΩ to VDD", "", "", "") in list(html._wiring(facts.job))
+    assert ("4", "MCLR", "10 kΩ to VDD", "", "", "") in list(html.wiring_rows(facts.job))
 
 
 def test_the_page_has_the_values_of_its_job(facts: PageFacts) -> None:

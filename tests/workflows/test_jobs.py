@@ -229,7 +229,7 @@ def test_a_constant_changed_by_one_cycle_is_told_with_cycle_pin_and_frame() -> N
 @pytest.mark.campaign
 def test_a_dialect_whose_program_does_not_fit_is_left_out_and_told(tmp_path: Path) -> None:
     """SDCC's waits take more words: many positions fit the chip in the job's own dialect alone."""
-    poses = ", ".join(f"{{ arm_deg = {30 + number}, hold_s = 0.1 }}" for number in range(40))
+    poses = ", ".join(f"{{ arm_deg = {30 + number}, hold_s = 0.2 }}" for number in range(40))
     text = (ROOT / "jobs" / "lab8-exercise.toml").read_text()
     text = re.sub(r"poses = \[.*?\n\]", f"poses = [{poses}]", text, flags=re.DOTALL)
     (tmp_path / "many.toml").write_text(text + '[firmware]\nengine = "sequence"\n')

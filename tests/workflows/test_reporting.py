@@ -26,7 +26,7 @@ def judged(exact: bool, text: str = "") -> Any:
 
 def test_a_page_in_json_says_of_each_kind_of_verdict_its_own_word() -> None:
     bare = ReportPage("", True, None)
-    assert bare.to_json() == {"exact": True, "plan_error": None}
+    assert bare.to_json() == {"exact": True, "plan_error": None, "capture": None, "twin": None}
     error = PlanError(0.5)
     full = ReportPage("", True, None, error, judged(True, "of the capture"), judged(True, "of the twin"))
     assert full.to_json() == {
