@@ -75,7 +75,7 @@ def changed(program: Firmware, old: str, new: str, tmp_path: Path) -> Image:
             (STOP + HOLD, "running = 0;", "running = 0; if (frames == 3) time += 7;"),
             (START + STOP, " " * 12 + "pins = 0xFF;", "if (frames == 2) pins = 0xFE; else pins = 0xFF;"),
             # pressed for two frames is not pressed
-            (STOP + HOLD, "if (stop_seen == 3) {", "if (stop_seen >= 2) {"),
+            (STOP + HOLD, "if (stop_seen == PRESSED_FRAMES) {", "if (stop_seen >= 2) {"),
             # start goes on where it was, instead of at the beginning
             (START + STOP, "        rewind();\n    }\n    if", "    }\n    if"),
         ],

@@ -143,7 +143,9 @@ def _within(job: EngineJob, limit: float) -> _Candidate:
     at all. Raises InputError, or ResourceError if no way holds it.
     """
     # A script in the EEPROM leaves the tables more room in flash, at the cost of the C that reads it.
-    ways = (_candidate, partial(_candidate, more_bytes=eeprom_room(len(job.servos)) - EEPROM_C), _in_halves)
+    ways = [_candidate, partial(_candidate, more_bytes=eeprom_room(len(job.servos)) - EEPROM_C)]
+    if commander(job.inputs) is None:
+        ways.append(_in_halves)
     first: _Candidate | None = None
     refused: ResourceError | None = None
     for way in ways:
@@ -152,7 +154,8 @@ def _within(job: EngineJob, limit: float) -> _Candidate:
         except ResourceError as error:
             refused = error
             continue
-        if candidate.error_us <= limit:
+        held = way is not _in_halves or first is None or candidate.fits(job.firmware.dialect)
+        if held and candidate.error_us <= limit:
             return candidate
         first = first or candidate
     if first is None:
@@ -165,8 +168,6 @@ def _in_halves(job: EngineJob, limit: float) -> _Candidate:
     """Return the motion with poses in two tables, as close to its plan as flash allows. Raises InputError,
     ResourceError.
     """
-    if commander(job.inputs) is not None:
-        raise ResourceError("does-not-fit", "a walk on command has its poses in one table")
     more_bytes, best = HALVES_BYTES, None
     while True:
         candidate = _candidate(job, limit, more_bytes=more_bytes, halves=True)

@@ -762,7 +762,9 @@ def test_a_motion_that_misses_its_limit_is_tried_with_its_script_in_the_eeprom(
     """Three trims leave 61 bytes of the EEPROM; the C that reads a script takes 16 words."""
     asked = []
 
-    def play(job: Any, limit: float, more_bytes: int = 0) -> tuple[Any, Any, Any]:
+    def play(job: Any, limit: float, more_bytes: int = 0, halves: bool = False) -> tuple[Any, Any, Any]:
+        if halves:
+            raise ResourceError("does-not-fit", "two tables hold it no better")
         asked.append(more_bytes)
         error = errors[1 if more_bytes else 0]
         plan = SimpleNamespace(schedule=SimpleNamespace(plan_error_us=error))
@@ -771,7 +773,7 @@ def test_a_motion_that_misses_its_limit_is_tried_with_its_script_in_the_eeprom(
 
     monkeypatch.setattr(engine, "play", play)
     job: Any = SimpleNamespace(
-        servos=(1, 2, 3), firmware=SimpleNamespace(max_error_us=10.0, precise=False, dialect="c2c")
+        servos=(1, 2, 3), inputs=(), firmware=SimpleNamespace(max_error_us=10.0, precise=False, dialect="c2c")
     )
     for errors, calls, size in (  # noqa: B007 - `play` reads it
         ((10.0, 1.0), [0], 300),

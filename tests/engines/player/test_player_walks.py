@@ -29,7 +29,7 @@ from servogen.engines.player.legs import (
     played_steps,
     walk_events,
 )
-from servogen.engines.player.rendering import Slots, _button, _chain, _rows, kernel
+from servogen.engines.player.rendering import Slots, _button, _chain, _tables, kernel
 from servogen.engines.player.script import (
     SILENT,
     STAY,
@@ -365,11 +365,11 @@ def test_slots_are_masks_ticks_and_places() -> None:
 
 
 def test_the_table_of_poses_has_the_columns_of_the_slots() -> None:
-    encoded = SimpleNamespace(legs=None, rows=bytes(range(6)))
+    encoded = SimpleNamespace(legs=None, rows=bytes(range(6)), stride=3)
     some: Any = SimpleNamespace(encoded=encoded, order=(2, 0, 1))
-    assert list(_rows(some)) == [2, 0, 1, 5, 3, 4]
+    assert _tables(some) == {"ROW": [2, 0, 1, 5, 3, 4]}
     encoded.legs = LEGS
-    assert list(_rows(some)) == list(range(6))
+    assert _tables(some) == {"ROW": list(range(6))}
 
 
 @pytest.mark.parametrize(("tick", "stagger"), [(32, 0), (64, 32)])
@@ -537,13 +537,14 @@ def test_nodes_are_all_frames_or_where_the_motion_changes() -> None:
 
 def test_poses_and_moves_beyond_the_tables_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     table = np.zeros((4, 2))
-    for bounds, refused in (((128, 255), False), ((129, 10), True), ((10, 256), True)):
+    cases = ((128, 255), False), ((129, 10), True), ((10, 256), True)
+    for near, (bounds, refused) in enumerate(cases):  # another motion each time: an answer is remembered
         monkeypatch.setattr(poses, "fewest", lambda *_: bounds)  # noqa: B023
         if not refused:
-            assert poses.poses_encoded(table, (), 0, 1.0, 0.3) is not None
+            assert poses.poses_encoded(table, (), 0, 1.0, near) is not None
             continue
         with pytest.raises(ResourceError) as error:
-            poses.poses_encoded(table, (), 0, 1.0, 0.3)
+            poses.poses_encoded(table, (), 0, 1.0, near)
         assert error.value.message == (
             f"the motion needs {bounds[0]} or more poses and {bounds[1]} or more moves between them: "
             "the player's tables hold 128 and 255"

@@ -423,5 +423,5 @@ def test_engines_read_what_a_job_has() -> None:
     assert suitable([line]) == ("stream",)
     assert suitable([line, buttons]) == () == suitable([line, commands]) == suitable(["a jumper"])
     assert [engine_named(name).title for name in ENGINES] == [
-        "the sequence engine", "the player", "the stream engine"
+        "the sequence engine", "the player", "the stream engine", "the tape engine"
     ]  # fmt: skip
