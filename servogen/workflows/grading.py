@@ -394,8 +394,7 @@ def _for_students(remark: Diagnostic) -> Diagnostic:
 def _failed(submission: Submission, lab: Lab, activity: str, error: Exception) -> Graded:
     """Return the grade of a program that failed with `error` during `activity`."""
     if isinstance(error, InputError):
-        why = str(error).replace(str(submission.file), submission.file.name)  # not the folders above it
-        return Graded(submission, refused(lab.name, message(f"the program cannot be run:\n{why}")))
+        return Graded(submission, refused(lab.name, message(f"the program cannot be run:\n{error}")))
     if isinstance(error, LimitExceeded):
         return Graded(submission, refused(lab.name, f"{activity} {error}"))
     shown = str(error) if isinstance(error, ServogenError) else f"{type(error).__name__}: {error}"

@@ -273,7 +273,7 @@ def test_ctrl_c_ends_the_drive_and_restores_the_terminal(start: Start) -> None:
 def test_the_virtual_bench_puts_the_line_on_the_jobs_pin(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[RigOptions] = []
 
-    def opened(image: object, clock: object, board: object, options: RigOptions, held: object) -> NoReturn:
+    def opened(image: object, clock: object, board: object, options: RigOptions, *more: object) -> NoReturn:
         asked.append(options)
         raise InputError("bad-option", "enough")
 

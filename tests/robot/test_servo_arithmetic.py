@@ -118,7 +118,7 @@ def test_errors_are_at_the_key_that_causes_them() -> None:
         own.width_us(9.0)
     assert caught.value.location == Location("place")
     with pytest.raises(InputError) as caught:
-        own.width_us(9.0, Location("pose"))
+        own.check(9.0, Location("pose"))
     assert caught.value.location == Location("pose")
 
 
