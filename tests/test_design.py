@@ -205,6 +205,7 @@ def test_a_command_is_parse_call_and_show() -> None:
 IMPORTED_WHEN_NEEDED = {
     "main.py": 1,  # the version is printed without typer
     "files.py": 3,  # a HEX file is simulated without the compiler and the engines
+    "job_commands.py": 1,  # a job of one chip is checked without the simulator, which plans two
     "page_server.py": 3,  # the server's package may be missing
     "show.py": 7,  # rich, where a table or a bar is shown
 }
