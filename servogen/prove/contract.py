@@ -78,11 +78,14 @@ class ContractSpecification:
         self._side, self._observer, self._inputs = side, side.observer, inputs
         self._pins = side.observer.pins | inputs
         self._response = side.observer if isinstance(side.observer, SampledResponse) else None
+        causes = side.observer.when if isinstance(side.observer, ResponseObserver) else ()
+        self._causes = frozenset(each.pin for each in causes)
+        """The pins of causes that a plain run drives."""
 
     @property
     def sampled(self) -> frozenset[int]:
         """Return the input pins whose levels count."""
-        return frozenset({self._response.pin} if self._response else ())
+        return frozenset({self._response.pin} if self._response else self._causes)
 
     def start(self) -> ContractState:
         return ContractState(IN_FRAME, 0, self._observer.start(from_reset=True))
@@ -102,6 +105,10 @@ class ContractSpecification:
 
     def sample(self, state: ContractState, pin: int, level: int) -> ContractState:
         """Return the state after the program has read a pin."""
+        if (
+            pin in self._causes
+        ):  # on another chip it may be an input, whose events no edge of the program shows
+            raise Violation(f"{PINS[pin]} is read, and was driven in a plain run", 0, certain=False)
         if self._response is None or pin != self._response.pin:
             return state
         return state._replace(observed=self._response.read(state.observed, level))

@@ -284,6 +284,13 @@ def test_what_no_read_tells_is_not_decided() -> None:
         assert not found.proven and found.counterexample is None and why in found.reason
 
 
+def test_a_cause_at_a_pin_that_is_an_input_of_some_chips_only_is_not_decided() -> None:
+    """A plain run begins with W = 0 and drives all of port B; on another chip RB0 is an input."""
+    found = proof(image(ANSWER.format(delay="").replace("movlw   0xEF", "nop")), answer(2, 6))
+    assert not found.proven and found.counterexample is None
+    assert found.reason.startswith("RB0 is read, and was driven in a plain run")
+
+
 def test_a_program_that_depends_on_its_ram_is_shown_with_the_power_up() -> None:
     """A byte of 0 counts 256 turns, as in a plain run: about 770 cycles; one of 5 counts 5."""
     program = image(WAVE.replace("movlw   .{turns}\n        movwf   0x20\n", ""))
