@@ -143,6 +143,7 @@ def _within(job: EngineJob, limit: float) -> _Candidate:
     at all. Raises InputError, or ResourceError if no way holds it.
     """
     # A script in the EEPROM leaves the tables more room in flash, at the cost of the C that reads it.
+    ways: list[Callable[[EngineJob, float], _Candidate]]
     ways = [_candidate, partial(_candidate, more_bytes=eeprom_room(len(job.servos)) - EEPROM_C)]
     if commander(job.inputs) is None:
         ways.append(_in_halves)
