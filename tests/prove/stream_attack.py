@@ -30,9 +30,12 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from servogen.edges import PINS, join
+from servogen.engines.firmware import ResourceError
 from servogen.engines.stream.engine import stream
+from servogen.engines.stream.firmware import firmware as compiled
 from servogen.engines.stream.rendering import render_stream
-from servogen.job import load, plan_job
+from servogen.errors import InputError
+from servogen.job import PlannedJob, load, plan_job
 from servogen.pic.image import Image, read_hex, to_hex
 from servogen.traces import read_edges
 from servogen.units import Clock
@@ -78,10 +81,11 @@ def main() -> int:
         name = args.jobs[counts.total() % len(args.jobs)]
         text, what = disturbed(render(name, args.dialect), dice)
         try:
-            with TemporaryDirectory() as folder, contextlib.chdir(folder):
-                answer, why, _ = asked(name, f"mutant.{args.dialect}.c", text)
-        except AssertionError:
-            continue  # it is no C: between `if` and `else`
+            compiled(text, planned(name), args.dialect)
+        except (InputError, ResourceError):
+            continue  # it is no C, between `if` and `else`, or too large
+        with TemporaryDirectory() as folder, contextlib.chdir(folder):
+            answer, why, _ = asked(name, f"mutant.{args.dialect}.c", text)
         counts[answer] += 1
         print(f"{counts.total()}: {name}: {what}: {answer}: {why}", flush=True)
     while counts.total() < args.mutants:
@@ -108,9 +112,14 @@ def main() -> int:
 
 
 @cache
+def planned(name: str) -> PlannedJob:
+    return plan_job(load(JOBS / f"{name}.toml"))
+
+
+@cache
 def render(name: str, dialect: str) -> str:
     """A job's C."""
-    job = plan_job(load(JOBS / f"{name}.toml"))
+    job = planned(name)
     return render_stream(stream(job)[1], dialect, job.device, job.name)
 
 
@@ -123,11 +132,11 @@ def disturbed(text: str, dice: random.Random) -> tuple[str, str]:
     ends = [match.end() for match in re.finditer(r"^ {4,}[^;{}\n]*;(?= *$| *//| */\*)", text, re.MULTILINE)]
     inside = re.compile(r"(?:_asm|asm \{|#asm|__asm)[^}]*?(?:_endasm|\}|#endasm|__endasm)")
     assembly = [match.span() for match in inside.finditer(text)]
-    start = text.index("TMR0 = 0;"), text.index("INTCON = 0xA0;") + 20
+    loop = text.index("while (1)")
     fit = [
         end
         for end in ends
-        if end > begin and not prepares < end < start[1] and not any(a < end < b for a, b in assembly)
+        if end > begin and not prepares < end < loop and not any(a < end < b for a, b in assembly)
     ]
     at, moment = dice.choice(fit), dice.choice(MOMENTS)
     line = text.count("\n", 0, at) + 1
