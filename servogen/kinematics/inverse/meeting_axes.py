@@ -25,7 +25,8 @@ from functools import lru_cache
 import numpy as np
 
 from servogen.kinematics.forward import row_axes
-from servogen.kinematics.inverse.closed_forms import Branch, TargetComponents
+from servogen.kinematics.inverse.closed_forms import Branch, TargetComponents, cosine_sine_sum
+from servogen.kinematics.orientation import from_axis_angle
 from servogen.kinematics.transforms import Floats, inverse
 from servogen.robot.model import Arm
 
@@ -88,7 +89,7 @@ def _places(direction: Floats, point: Floats, wrist: Floats) -> bool:
     place: Floats = np.broadcast_to(wrist, (4, 3))
     columns: list[Floats] = []
     for joint in (2, 1, 0):
-        turn = _turn(direction[joint], angles[joint])
+        turn = from_axis_angle(direction[joint], angles[joint])
         place = point[joint] + _turned(turn, place - point[joint])
         columns = [_turned(turn, column) for column in columns]
         columns.append(np.cross(direction[joint], place - point[joint]))
@@ -111,7 +112,7 @@ def meeting_axes_branches(arm: Arm, target: TargetComponents) -> list[Branch]:
     for placing in _placing(axes, moved[:, :3, :3] @ axes.wrist + moved[:, :3, 3], home):
         rest = moved[:, :3, :3]
         for axis, angle in zip(axes.direction[:3], placing, strict=True):
-            rest = np.swapaxes(_turn(axis, angle), 1, 2) @ rest
+            rest = np.swapaxes(from_axis_angle(axis, angle), 1, 2) @ rest
         for turning in _turning(axes, rest, home[3]):
             angles = dict(zip(axes.joints, (*placing, *turning), strict=True))
             branches.append(tuple(angles[joint] for joint in range(6)))
@@ -193,9 +194,9 @@ def _turning(axes: MeetingAxes, rotation: Floats, home: float) -> list[tuple[Flo
     mark = np.cross(third, np.eye(3)[int(np.argmin(np.abs(third)))])
     branches = []
     for five in fives:
-        bend = _turn(second, five)
+        bend = from_axis_angle(second, five)
         four = _angle(first, bend @ third, tip, home)
-        back = np.swapaxes(_turn(first, four) @ bend, 1, 2) @ rotation
+        back = np.swapaxes(from_axis_angle(first, four) @ bend, 1, 2) @ rotation
         branches.append((four, five, _angle(third, np.broadcast_to(mark, tip.shape), back @ mark, 0.0)))
     return branches
 
@@ -211,11 +212,7 @@ def _common_normal(one: Floats, on_one: Floats, two: Floats, on_two: Floats) -> 
 def _both_angles(wave: Floats) -> list[Floats]:
     """Return both zeros (m,) of waves (m, 3): number, factor of the cosine and of the sine."""
     number, cosine, sine = wave.T
-    length = np.hypot(cosine, sine)
-    # Clipped values give candidates that are not solutions, as in `closed_forms`.
-    half = np.arccos(np.clip(-number / np.where(length == 0.0, 1.0, length), -1.0, 1.0))
-    middle = np.arctan2(sine, cosine)
-    return [middle + half, middle - half]
+    return list(cosine_sine_sum(cosine, sine, -number))
 
 
 def _product(one: Floats, two: Floats) -> Floats:
@@ -247,14 +244,6 @@ def _angle(axis: Floats, one: Floats, two: Floats, home: float) -> Floats:
     normal = np.cross(axis, one)
     sine, cosine = np.einsum("ij,ij->i", normal, two), np.einsum("ij,ij->i", normal, np.cross(axis, two))
     return np.where(np.hypot(sine, cosine) < MEET**2, home, np.arctan2(sine, cosine))
-
-
-def _turn(axis: Floats, angle: Floats) -> Floats:
-    """Return the rotations (m, 3, 3) about an axis (3,) by angles (m,), after Rodrigues."""
-    x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    sine, rest = np.sin(angle)[:, None, None], 1 - np.cos(angle)[:, None, None]
-    return np.asarray(np.eye(3) + sine * cross + rest * (cross @ cross))
 
 
 def _turned(turn: Floats, vector: Floats) -> Floats:
