@@ -11,8 +11,6 @@ from servogen.units import Cycles
 
 if TYPE_CHECKING:
     from servogen.answers import RoomAnswer
-
-if TYPE_CHECKING:
     from servogen.compiler import Compilation  # planning a motion does not load the compiler
 
 
