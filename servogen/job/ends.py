@@ -12,7 +12,7 @@ from servogen.kinematics.forward import fk_position
 from servogen.kinematics.jacobian import jacobian
 from servogen.kinematics.transforms import mount_matrix
 from servogen.motion.trajectory import Floats
-from servogen.robot.binding import Binding
+from servogen.robot.binding import Binding, joint_positions
 from servogen.robot.model import Arm, Limb
 from servogen.robot.servo import Servo
 
@@ -30,8 +30,7 @@ class End:
 
     def joints(self, angles: Floats) -> Floats:
         """Return joint positions (n, joints) from the angles (n, servos) of all servos."""
-        bound = zip(self.bindings, self.columns, strict=True)
-        return np.stack([binding.position(angles[:, column]) for binding, column in bound], axis=1)
+        return joint_positions(self.bindings, angles[:, list(self.columns)])
 
     def points(self, angles: Floats) -> Floats:
         """Return where it is (n, 3), in metres."""

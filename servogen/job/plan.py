@@ -27,6 +27,7 @@ from servogen.motion.limits import JointLimits
 from servogen.motion.loads import check_torque
 from servogen.motion.torque import TorqueLimits
 from servogen.motion.trajectory import MAX_FRAMES, Floats
+from servogen.robot.binding import joint_positions
 from servogen.robot.model import Arm
 from servogen.robot.servo import TRAVEL, Servo
 from servogen.toml import file as toml_file
@@ -263,8 +264,7 @@ def _overloads(whole: Job, job: Job, planned: PlannedPoses) -> Iterator[Diagnost
         return
     # A motion repeats most of its poses: each different one is calculated once.
     distinct, back = np.unique(angles[pulsed], axis=0, return_inverse=True)
-    joints = [binding.position(column) for binding, column in zip(tip.bindings, distinct.T, strict=True)]
-    torques = gravity_torques(tip.limb.arm, np.stack(joints, axis=1))[back.reshape(-1)]
+    torques = gravity_torques(tip.limb.arm, joint_positions(tip.bindings, distinct))[back.reshape(-1)]
     for index, (binding, servo) in enumerate(zip(tip.bindings, tip.servos, strict=True)):
         torque = np.full(len(angles), np.nan)
         # By the power balance: the servo turns `ratio` times as fast as its joint.

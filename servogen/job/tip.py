@@ -21,7 +21,7 @@ from servogen.kinematics.inverse.unreachable import Unreachable, in_mm
 from servogen.kinematics.leg import Leg
 from servogen.kinematics.orientation import orientation_matrix, rotations_between
 from servogen.motion.trajectory import Floats
-from servogen.robot.binding import Binding
+from servogen.robot.binding import Binding, joint_positions
 from servogen.robot.model import Arm, Limb
 from servogen.robot.servo import Servo
 
@@ -156,8 +156,9 @@ class ArmTip:
         """Return the servo angles (s, k) that reach one point, the nearest to `before` first. Raises
         `Unreachable` if there are none, InputError if the servos allow none.
         """
+        near = joint_positions(self.bindings, before[None])[0]
         try:
-            joints, _ = ik_typed(self.on_servos, point, orientation, self._positions(before[None])[0])
+            joints, _ = ik_typed(self.on_servos, point, orientation, near)
         except Unreachable:
             turn = None if orientation is None else orientation_matrix(self.arm, point, orientation)
             joints = solve(self.arm, point, turn).q
@@ -172,17 +173,12 @@ class ArmTip:
     ) -> Floats:
         """Return all servo angles (n, solutions, k) for points (n, 3), NaN where there is no solution."""
         rotations = None if turn is None else rotations_between(self.arm, points, *turn, shares)
-        angles = solutions_near(self.on_servos, points, rotations, self._positions(near))
+        angles = solutions_near(self.on_servos, points, rotations, joint_positions(self.bindings, near))
         return _within(self._bound(angles), self.servos)
 
     def where(self, angles: Floats) -> Floats:
         """Return the positions of the tool (n, 3) at servo angles (n, k)."""
-        return fk_position(self.arm, self._positions(angles))
-
-    def _positions(self, angles: Floats) -> Floats:
-        """Return the joint positions (n, k) at servo angles (n, k)."""
-        columns = [binding.position(column) for binding, column in zip(self.bindings, angles.T, strict=True)]
-        return np.stack(columns, axis=1)
+        return fk_position(self.arm, joint_positions(self.bindings, angles))
 
     def _bound(self, joints: Floats) -> Floats:
         return np.stack(

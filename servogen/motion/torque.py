@@ -19,7 +19,7 @@ import numpy as np
 from servogen.kinematics.statics import GRAVITY, moving_masses
 from servogen.motion.limits import at_rest
 from servogen.motion.trajectory import Floats
-from servogen.robot.binding import Binding
+from servogen.robot.binding import Binding, joint_positions
 from servogen.robot.model import Arm
 
 
@@ -37,8 +37,7 @@ class TorqueLimits:
 
     def levers(self, angles: Floats) -> tuple[Floats, Floats]:
         """Return the places (n, 3k) of the masses and m ∂p/∂angle (n, 3k, servos) at servo angles."""
-        turned = zip(self.bindings, self.columns, strict=True)
-        q = np.stack([binding.position(angles[:, column]) for binding, column in turned], axis=1)
+        q = joint_positions(self.bindings, angles[:, list(self.columns)])
         masses, places, slopes = moving_masses(self.arm, q)
         ratios = np.array([binding.ratio for binding in self.bindings])
         weighted = masses[:, None, None] * slopes / ratios

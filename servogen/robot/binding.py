@@ -8,6 +8,7 @@ the servo have in common.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -61,3 +62,9 @@ class Binding:
             allowed = f"{joint.shown(joint.lower)} to {joint.shown(joint.upper)}"
             servo = replace(servo, limits=inner, limited_by=f"the joint {joint.name} allows {allowed}")
         return replace(joint, lower=lower, upper=upper), servo
+
+
+def joint_positions(bindings: Sequence[Binding], angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the joint positions (n, k) at the angles (n, k), in radians, of the servos of `bindings`."""
+    columns = [binding.position(column) for binding, column in zip(bindings, angles.T, strict=True)]
+    return np.stack(columns, axis=1)
