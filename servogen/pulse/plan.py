@@ -50,16 +50,29 @@ def plan(trajectory: JointTrajectory, servos: Sequence[Servo], frame: Frame) -> 
         warnings += check_motion(
             servo, angles, trajectory.loop_start, float(clock.seconds(trajectory.period))
         )
-    table = np.stack(columns, axis=1)
-    schedule = PulseSchedule(
-        clock=clock,
-        period=trajectory.period,
-        channels=tuple(Channel(servo.name, servo.pin, servo.model.name) for servo in servos),
-        lead_in=joined_runs(table[: trajectory.loop_start], starts),
-        loop=joined_runs(table[trajectory.loop_start :], starts),
-        plan_error=largest(errors),
+    schedule = schedule_of(
+        trajectory, servos, trajectory.period, np.stack(columns, axis=1), starts, largest(errors)
     )
     return PulsePlan(schedule, tuple(rows), tuple(warnings))
+
+
+def schedule_of(
+    trajectory: JointTrajectory,
+    servos: Sequence[Servo],
+    period: Cycles,
+    cycles: npt.NDArray[np.int64],
+    starts: Sequence[Cycles],
+    error: PlanError,
+) -> PulseSchedule:
+    """Return the schedule of `trajectory` with frames of `period`, and the pulses as in `joined_runs`."""
+    return PulseSchedule(
+        clock=trajectory.clock,
+        period=period,
+        channels=tuple(Channel(servo.name, servo.pin, servo.model.name) for servo in servos),
+        lead_in=joined_runs(cycles[: trajectory.loop_start], starts),
+        loop=joined_runs(cycles[trajectory.loop_start :], starts),
+        plan_error=error,
+    )
 
 
 def joined_runs(cycles: npt.NDArray[np.int64], starts: Sequence[Cycles]) -> tuple[Run, ...]:

@@ -25,9 +25,8 @@ from servogen.errors import Diagnostic, InputError
 from servogen.motion.trajectory import Floats, JointTrajectory
 from servogen.plan_error import PlanError
 from servogen.pulse.lint import check_calibration, check_motion, check_period
-from servogen.pulse.plan import PulsePlan, joined_runs
+from servogen.pulse.plan import PulsePlan, schedule_of
 from servogen.pulse.quantise import NO_PULSE, PARTS, Quantised, channel_error, largest
-from servogen.pulse.schedule import Channel, PulseSchedule
 from servogen.pulse.slots import Frame
 from servogen.robot.binding import Binding
 from servogen.robot.servo import Servo
@@ -152,15 +151,9 @@ def _played(
     legs = encoded.legs is not None
     slots = layout(servos, used, frame, clock, encoded.scale.doublings, legs=legs, looking=looking)
     rises = [slots.rise(channel) for channel in range(len(servos))]
-    pulses, lead = np.where(encoded.silent[:, None], NO_PULSE, encoded.widths), encoded.lead
-    schedule = PulseSchedule(
-        clock,
-        slots.period,
-        tuple(Channel(servo.name, servo.pin, servo.model.name) for servo in servos),
-        joined_runs(pulses[:lead], rises),
-        joined_runs(pulses[lead:], rises),
-        plan_error=plan_error_of(played, servos, encoded.widths, ideal, clock),
-    )
+    pulses = np.where(encoded.silent[:, None], NO_PULSE, encoded.widths)
+    error = plan_error_of(played, servos, encoded.widths, ideal, clock)
+    schedule = schedule_of(played, servos, slots.period, pulses, rises, error)
     plan = PulsePlan(
         schedule,
         tuple(rows_of(servos, encoded.widths, ideal, clock)),

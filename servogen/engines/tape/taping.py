@@ -19,9 +19,9 @@ from servogen.engines.tape.bus import Waits
 from servogen.engines.tape.content import Content, content
 from servogen.errors import Diagnostic, InputError
 from servogen.motion import JointTrajectory
-from servogen.pulse.plan import PulsePlan, joined_runs
+from servogen.pulse.plan import PulsePlan, schedule_of
 from servogen.pulse.quantise import NO_PULSE, PARTS
-from servogen.pulse.schedule import Channel, PulseSchedule, TapeRule
+from servogen.pulse.schedule import PulseSchedule, TapeRule
 from servogen.simulator.eeprom24 import PARTS as EEPROMS
 from servogen.units import Cycles
 
@@ -63,15 +63,9 @@ def taped(job: EngineJob) -> Taped:
     used = [Used(Cycles(int(channel.min())), Cycles(int(channel.max()))) for channel in pulsed.T]
     slots = layout(servos, used, job.frame, clock, motion_c=Waits.at(clock).reserve(len(servos)))
     rises = [slots.rise(channel) for channel in range(len(servos))]
-    pulses, lead = np.where(silent, NO_PULSE, widths), motion.loop_start
-    schedule = PulseSchedule(
-        clock,
-        slots.period,
-        tuple(Channel(servo.name, servo.pin, servo.model.name) for servo in servos),
-        joined_runs(pulses[:lead], rises),
-        joined_runs(pulses[lead:], rises),
-        plan_error=plan_error_of(motion, servos, widths, ideal, clock),
-    )
+    error = plan_error_of(motion, servos, widths, ideal, clock)
+    pulses = np.where(silent, NO_PULSE, widths)
+    schedule = schedule_of(motion, servos, slots.period, pulses, rises, error)
     made = content(schedule, slots.order)
     _check_size(job, schedule, made, tape)
     schedule = replace(schedule, tape=TapeRule(tape.scl, SDA, tape.eeprom, made.data))
