@@ -56,8 +56,7 @@ def content(schedule: PulseSchedule, order: Sequence[int]) -> Content:
     """Return the tape of a schedule whose channels have pulses together. Raises InputError without any."""
     if not any(pulse for run in (*schedule.lead_in, *schedule.loop) for pulse in run.pulses):
         raise InputError("no-pulses", "the motion has no pulse")
-    lead, widths = _records(schedule.lead_in, order, None)
-    loop, _ = _records(schedule.loop, order, widths, begins=True)
+    lead, loop = (list(_records(runs, order)) for runs in (schedule.lead_in, schedule.loop))
     end = bytes([END])
     records = b"".join((*lead, *loop, end, bytes([sum_of(end)])))
     place = FIRST + sum(map(len, lead))
@@ -82,32 +81,21 @@ def tape_hex(data: bytes) -> str:
     return text.getvalue()
 
 
-def _records(
-    runs: Sequence[Run], order: Sequence[int], widths: list[int] | None, *, begins: bool = False
-) -> tuple[list[bytes], list[int] | None]:
-    """Return the records of runs after a frame with `widths`, and the last widths; if it `begins` a loop,
-    the first record does not depend on these.
-    """
-    records = []
-    for number, run in enumerate(runs):
+def _records(runs: Sequence[Run], order: Sequence[int]) -> Iterator[bytes]:
+    """Yield the records of runs; the first widths are given in full, whatever is read before them."""
+    widths: list[int] = []
+    for run in runs:
         pulses = [int(pulse.width) for channel in order if (pulse := run.pulses[channel]) is not None]
-        body, kind = b"", SILENT
-        if pulses:
-            before = None if begins and number == 0 else widths
-            kind, body = _body(pulses, before)
-            widths = list(pulses)
-        elif begins and number == 0:
-            widths = None  # whatever the loop is entered from, its first widths are given in full
         for more in _shares(run.frames):
+            kind, body = _body(pulses, widths) if pulses else (SILENT, b"")
+            widths = pulses or widths
             record = bytes([kind | more - 1]) + body
-            records.append(record + bytes([sum_of(record)]))
-            if pulses:
-                kind, body = _body(pulses, pulses)
-    return records, widths
+            yield record + bytes([sum_of(record)])
 
 
-def _body(widths: Sequence[int], before: Sequence[int] | None) -> tuple[int, bytes]:
-    if before is not None:
+def _body(widths: Sequence[int], before: Sequence[int]) -> tuple[int, bytes]:
+    """Return the kind and the data of a record with pulses, after one with the widths `before`, if any."""
+    if before:
         steps = [width - last for width, last in zip(widths, before, strict=True)]
         if all(-LONGEST - 1 <= step <= LONGEST for step in steps):
             return STEP, bytes(step & 0xFF for step in steps)
