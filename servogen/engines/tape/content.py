@@ -26,7 +26,6 @@ from dataclasses import dataclass
 
 from intelhex import IntelHex
 
-from servogen.errors import InputError
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import Run
 
@@ -53,9 +52,7 @@ class Content:
 
 
 def content(schedule: PulseSchedule, order: Sequence[int]) -> Content:
-    """Return the tape of a schedule whose channels have pulses together. Raises InputError without any."""
-    if not any(pulse for run in (*schedule.lead_in, *schedule.loop) for pulse in run.pulses):
-        raise InputError("no-pulses", "the motion has no pulse")
+    """Return the tape of a schedule with pulses, which all channels have together."""
     lead, loop = (list(_records(runs, order)) for runs in (schedule.lead_in, schedule.loop))
     end = bytes([END])
     records = b"".join((*lead, *loop, end, bytes([sum_of(end)])))
