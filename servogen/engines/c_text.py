@@ -6,7 +6,7 @@ is an error.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
@@ -20,6 +20,7 @@ from servogen.errors import Location, ServogenError
 from servogen.pic.device import Device, config_word, oscillator_for
 from servogen.pulse import PulseSchedule
 from servogen.template_files import template_folder
+from servogen.units import Cycles
 
 SUFFIXES = (".j2", ".asm")
 """The endings of templates: bodies and dialects, and the engines' assembly."""
@@ -106,6 +107,14 @@ class ChannelText:
     name: str
     pin: str
     widths_us: str
+
+
+def channel_text(schedule: PulseSchedule, channel: int, widths: Collection[int]) -> ChannelText:
+    """Return a channel with `widths` in cycles: the one that all are, or the shortest and the longest."""
+    described = schedule.channels[channel]
+    ends = dict.fromkeys((min(widths), max(widths)))
+    texts = (decimal(schedule.clock.us(Cycles(width))) for width in ends)
+    return ChannelText(described.name, described.pin, " to ".join(texts))
 
 
 @dataclass(frozen=True, slots=True)

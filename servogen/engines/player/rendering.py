@@ -14,6 +14,7 @@ from servogen.engines.c_text import (
     AsmLine,
     ChannelText,
     assembly,
+    channel_text,
     decimal,
     header_values,
     render_template,
@@ -342,7 +343,7 @@ def _chain(chain: DirectionPlaces | None) -> dict[str, object]:
 
 
 @dataclass(slots=True)
-class _Constants:
+class Constants:
     """Small tables combined into one, each with a name and a description."""
 
     groups: list[tuple[list[int | str], str]] = field(default_factory=list)
@@ -358,10 +359,18 @@ class _Constants:
         self.groups.append(([*values], name or note))
         return begin
 
+    def add_slots(self, slots: Slots, width_bytes: int) -> None:
+        """Append the tables of the slots; a channel's number is that of its width, of so many bytes."""
+        self.add("SLOT_A", [f"0x{slot.a:02X}" for slot in slots.all], "the pins that rise together in a slot")
+        if not slots.b_follows:
+            self.add("SLOT_B", [f"0x{slot.b:02X}" for slot in slots.all])
+        self.add("SLOT_TICKS", [slot.ticks for slot in slots.all], "ticks from the slot before")
+        self.add("SLOT_CHANNEL", [width_bytes * slot.channel for slot in slots.all], "the channel of pin A")
 
-def _constants(played: Playing, slots: Slots) -> _Constants:
+
+def _constants(played: Playing, slots: Slots) -> Constants:
     encoded = played.encoded
-    constants = _Constants()
+    constants = Constants()
     timings = encoded.script.timings
     bases = [int(encoded.scale.bases[channel]) for channel in played.order]
     constants.add("BASE_LOW", [base & 0xFF for base in bases], "the channels' base widths")
@@ -373,13 +382,7 @@ def _constants(played: Playing, slots: Slots) -> _Constants:
             bend = int(scale.bends[turn])
             pairs += [int(scale.knees[turn]), abs(bend) | (0x80 if bend < 0 else 0)]
         constants.add("KNEE", pairs, "of each leg's turn, and by how many 256ths it is steeper; bit 7: less")
-    constants.add(
-        "SLOT_A", [f"0x{slot.a:02X}" for slot in slots.all], "the pins that rise together in a slot"
-    )
-    if not slots.b_follows:
-        constants.add("SLOT_B", [f"0x{slot.b:02X}" for slot in slots.all])
-    constants.add("SLOT_TICKS", [slot.ticks for slot in slots.all], "ticks from the slot before")
-    constants.add("SLOT_CHANNEL", [slot.channel for slot in slots.all], "the channel of pin A")
+    constants.add_slots(slots, 1)
     if not slots.other_follows:
         constants.add("SLOT_OTHER", [slot.other for slot in slots.all], "and of pin B")
     constants.add("FRAMES", [timing.frames & 0xFF for timing in timings], "of a step; 0 is 256")
@@ -476,10 +479,5 @@ def _button(button: ButtonPin | None) -> _ButtonText | None:
 
 
 def _channel(played: Playing, channel: int) -> ChannelText:
-    schedule = played.plan.schedule
     widths = played.encoded.widths[~played.encoded.silent, channel]
-    ends = sorted({Cycles(int(widths.min())), Cycles(int(widths.max()))})
-    described = schedule.channels[channel]
-    return ChannelText(
-        described.name, described.pin, " to ".join(decimal(schedule.clock.us(width)) for width in ends)
-    )
+    return channel_text(played.plan.schedule, channel, widths.tolist())

@@ -9,6 +9,7 @@ from servogen.engines.c_text import (
     ChannelText,
     PortText,
     assembly,
+    channel_text,
     decimal,
     header_values,
     render_template,
@@ -16,21 +17,20 @@ from servogen.engines.c_text import (
 )
 from servogen.engines.firmware import Firmware
 from servogen.engines.fitting import compiled_to_fit
-from servogen.engines.inputs.tape import HOLD
+from servogen.engines.inputs.tape import HOLD, SDA
 from servogen.engines.player.firmware import cautions, timing_budgets
 from servogen.engines.player.layout import TICKS
-from servogen.engines.player.rendering import OVERRUN, PRESCALER, Slots, kernel
+from servogen.engines.player.rendering import OVERRUN, PRESCALER, Constants, Slots, kernel
 from servogen.engines.protocol import EngineJob
 from servogen.engines.tape.bus import Waits
 from servogen.engines.tape.content import END, SEED
 from servogen.engines.tape.taping import Taped
 from servogen.pic.device import Device
-from servogen.units import Cycles
 
 HINT = "fewer servos"
 BYTE, SUM = "pulse_a_lo", "pulse_a_hi"
 """The kernel's variables that are the reader's between two frames."""
-SDA_BIT = 0x10
+SDA_BIT = 1 << int(SDA[2])
 
 
 def compiled(job: EngineJob, made: Taped, dialect: str) -> Firmware:
@@ -57,13 +57,8 @@ def render_tape(made: Taped, dialect: str, device: Device, title: str) -> str:
         "wait": _wait,
         **asdict(Waits.at(schedule.clock)),
     }
-    tables: dict[str, list[int | str]] = {
-        "SLOT_A": [f"0x{slot.a:02X}" for slot in slots.all],
-        **({} if slots.b_follows else {"SLOT_B": [f"0x{slot.b:02X}" for slot in slots.all]}),
-        "SLOT_TICKS": [slot.ticks for slot in slots.all],
-        "SLOT_CHANNEL": [2 * slot.channel for slot in slots.all],
-    }
-    lengths = [len(table) for table in tables.values()]
+    constants = Constants()
+    constants.add_slots(slots, 2)
     values = header_values(dialect, title, device, schedule) | {
         "ports": list(_ports(made)),
         "port_b": any(name == "B" for name in _used(made)),
@@ -81,17 +76,15 @@ def render_tape(made: Taped, dialect: str, device: Device, title: str) -> str:
         "error_port": error and error[1],
         "error_mask": error and f"0x{1 << int(error[2]):02X}",
         "byte": BYTE,
-        "byte_name": BYTE,
         "sum": SUM,
-        "sum_name": SUM,
         "seed": f"0x{SEED:02X}",
         "end": f"0x{END:02X}",
         "loop_high": made.content.loop >> 8,
         "loop_low": made.content.loop & 0xFF,
         "identity": made.content.identity,
         "slots": slots,
-        "places": [(name, sum(lengths[:number])) for number, name in enumerate(tables)],
-        "constants": table_lines((table, name) for name, table in tables.items()),
+        "places": constants.named,
+        "constants": table_lines(constants.groups),
         "kernel": list(assembly(kernel(tick, made.layout.stagger))),
     }
     for part in ("start", "give", "take"):
@@ -124,8 +117,4 @@ def _channel(made: Taped, channel: int) -> ChannelText:
     schedule = made.plan.schedule
     runs = (*schedule.lead_in, *schedule.loop)
     widths = [pulse.width for run in runs if (pulse := run.pulses[channel]) is not None]
-    ends = sorted({Cycles(min(widths)), Cycles(max(widths))})
-    described = schedule.channels[channel]
-    return ChannelText(
-        described.name, described.pin, " to ".join(decimal(schedule.clock.us(width)) for width in ends)
-    )
+    return channel_text(schedule, channel, widths)
