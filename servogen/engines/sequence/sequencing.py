@@ -90,13 +90,9 @@ def _owners(parts: tuple[SchedulePart, ...]) -> list[DelayPath | None]:
     """Return the path inside the frames of each part: of a table, of a position (from 1) that is repeated or
     comes back, or of a frame of its own (the number of its step, negative); None without pulses.
     """
-    own = [part.run.pulses for part in parts if pulsed(part.run) and not part.table]
-    often = Counter(own)
-    shared = dict.fromkeys(
-        part.run.pulses
-        for part in parts
-        if pulsed(part.run) and not part.table and (part.run.frames > 1 or often[part.run.pulses] > 1)
-    )
+    own = [part.run for part in parts if pulsed(part.run) and not part.table]
+    often = Counter(run.pulses for run in own)
+    shared = dict.fromkeys(run.pulses for run in own if run.frames > 1 or often[run.pulses] > 1)
     numbers = {pulses: number for number, pulses in enumerate(shared, 1)}
     return [
         DelayPath("row", part.table.number)
