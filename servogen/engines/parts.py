@@ -12,7 +12,7 @@ from textwrap import wrap
 
 import numpy as np
 
-from servogen.engines.protocol import EngineJob
+from servogen.engines.protocol import EngineJob, MovedEnd
 from servogen.motion.trajectory import Floats
 
 MAX_PARTS = 40
@@ -31,13 +31,19 @@ def place_text(name: str, points: Floats) -> str:
     return f"{name} {', '.join(_range(1000 * np.sort(each), decimals) for each in points.T)} mm"
 
 
+def titled_ends(job: EngineJob) -> list[tuple[str, MovedEnd]]:
+    """Return what the servos move, each with its name in comments: a single one is the foot or the tool."""
+    ends = job.ends
+    return [(end.kind if len(ends) == 1 else end.name, end) for end in ends]
+
+
 def part_texts(job: EngineJob) -> Iterator[str]:
     """Yield a line or more for each part of the motion: of a walk where each foot goes, otherwise the end."""
-    parts = list(_parts(job))
+    parts, ends = list(_parts(job)), titled_ends(job)
+    walks = len(ends) > 1
     for title, angles in parts[:MAX_PARTS]:
-        walks = len(job.ends) > 1
         yield from (f"  {line}" for line in wrap(title, LINE))
-        for line in _lines(job, angles if walks else angles[-1:]):
+        for line in _lines(job, ends, angles if walks else angles[-1:]):
             yield from (f"    {text}" for text in wrap(line, LINE))
     if len(parts) > MAX_PARTS:
         yield f"  and {len(parts) - MAX_PARTS} more parts"
@@ -55,13 +61,13 @@ def _parts(job: EngineJob) -> Iterator[tuple[str, Floats]]:
                 yield f"{part.name}, {seconds} s:", angles[begin:end]
 
 
-def _lines(job: EngineJob, angles: Floats) -> Iterator[str]:
+def _lines(job: EngineJob, ends: list[tuple[str, MovedEnd]], angles: Floats) -> Iterator[str]:
     """Yield a line for each foot or tool and its servos, and one for the other servos."""
     texts = [_servo_text(job, index, angles[:, index]) for index in range(len(job.servos))]
     others = set(range(len(texts)))
-    for end in job.ends:
+    for title, end in ends:
         others -= set(end.columns)
-        place = place_text(end.kind if len(job.ends) == 1 else end.name, end.points(angles))
+        place = place_text(title, end.points(angles))
         yield "; ".join(filter(None, (place, *(texts[column] for column in end.columns))))
     if others:
         yield "; ".join(texts[column] for column in sorted(others))

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from itertools import groupby
 
 from servogen.engines.c_text import ChannelText, decimal, header_values, render_template, table_lines
-from servogen.engines.parts import place_text
+from servogen.engines.parts import place_text, titled_ends
 from servogen.engines.protocol import EngineJob
 from servogen.engines.sequence.programs import (
     FrameEdges,
@@ -82,8 +82,7 @@ def comments_of(job: EngineJob, plan: PulsePlan) -> Comments:
         frame += run.frames
     poses = job.trajectory.angles[list(first.values())]
     places = [
-        [place_text(end.kind if len(job.ends) == 1 else end.name, point[None]) for point in end.points(poses)]
-        for end in job.ends
+        [place_text(title, point[None]) for point in end.points(poses)] for title, end in titled_ends(job)
     ]
     texts = (", ".join(filter(None, ends)) for ends in zip(*places, strict=True))
     return Comments(angles, dict(zip(first, texts, strict=False)))
