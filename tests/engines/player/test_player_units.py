@@ -40,7 +40,7 @@ from servogen.engines.player.layout import (
     to_rise,
 )
 from servogen.engines.player.playing import leg_channels
-from servogen.engines.player.rendering import _Constants, _pad, _repeats
+from servogen.engines.player.rendering import Constants, _pad, _repeats
 from servogen.engines.player.script import ScriptStep, StepTiming, chained, folded, script, timing
 from servogen.engines.player.shares import Share
 from servogen.engines.player.soft_start import soft_start, with_soft_start
@@ -738,7 +738,7 @@ def test_a_budget_that_may_be_exceeded_has_a_warning() -> None:
 
 
 def test_small_tables_are_one_with_a_place_for_each() -> None:
-    constants = _Constants()
+    constants = Constants()
     constants.add("A", [1, 2, 3], "first")
     constants.add("B", ["0x10"])
     assert constants.add("", [9], "without a name") == 4
