@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from servogen.answers import PairCaptureAnswer
 from servogen.edges import CHIP_MARKS
 from servogen.errors import InputError, Location
 from servogen.programs import PAIR_FOLDERS
@@ -19,6 +19,9 @@ from servogen.pulse import PulseSchedule
 from servogen.traces.captures import read_capture, sampled_at
 from servogen.verify import CaptureVerdict, capture_lines
 from servogen.workflows.verification import judge_capture
+
+if TYPE_CHECKING:
+    from servogen.answers import PairCaptureAnswer
 
 Schedules = tuple[PulseSchedule, PulseSchedule]
 
