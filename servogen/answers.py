@@ -823,23 +823,6 @@ class RefusedCertificate(TypedDict):
     held: Annotated[dict[str, int], "The level at which inputs are held in it."]
 
 
-class RobotEntry(TypedDict):
-    """A robot of the catalogue."""
-
-    name: Annotated[str, "Its short name."]
-    title: Annotated[str, "What it is."]
-    kind: Annotated[str, "The kind of its file."]
-    joints: Annotated[int, "The number of joints or wheels that are driven."]
-    dimensions: Annotated[str, "Whether its dimensions are given or assumed."]
-    source: Annotated[str, "Where they come from."]
-
-
-class RobotsAnswer(TypedDict):
-    """`robots`."""
-
-    robots: Annotated[list[RobotEntry], "Each robot of the catalogue."]
-
-
 class RobotFacts(TypedDict):
     """What every robot has."""
 
@@ -848,6 +831,18 @@ class RobotFacts(TypedDict):
     kind: Annotated[str, "The kind of its file."]
     dimensions: Annotated[str, "Whether its dimensions are given or assumed."]
     source: Annotated[str, "Where they come from."]
+
+
+class RobotEntry(RobotFacts):
+    """A robot of the catalogue."""
+
+    joints: Annotated[int, "The number of joints or wheels that are driven."]
+
+
+class RobotsAnswer(TypedDict):
+    """`robots`."""
+
+    robots: Annotated[list[RobotEntry], "Each robot of the catalogue."]
 
 
 class JointFactsAnswer(TypedDict):
