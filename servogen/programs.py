@@ -355,3 +355,19 @@ def read_schedule(path: Path) -> PulseSchedule:
         return schedule
     content = read_input(path.with_name(TAPE_FILE))
     return replace(schedule, tape=replace(schedule.tape, content=content))
+
+
+def pair_texts(folder: Path) -> tuple[bytes, bytes]:
+    """Return the contents of the schedules of a built pair. Raises InputError."""
+    first, second = (read_input(folder / name / BUILT_SCHEDULE, MAX_SCHEDULE_BYTES) for name in PAIR_FOLDERS)
+    return first, second
+
+
+def read_pair(folder: Path) -> tuple[tuple[PulseSchedule, PulseSchedule], tuple[Image, Image]]:
+    """Return the schedules and the programs of a built pair. Raises InputError."""
+    parts = [folder / name for name in PAIR_FOLDERS]
+    first, second = (read_schedule(part / BUILT_SCHEDULE) for part in parts)
+    images = [read_program(part / BUILT_PROGRAM).image for part in parts]
+    if second.wire is None or first.period != second.period:
+        raise InputError("chip-pair", "chip2 does not follow chip1: build both again", Location(str(folder)))
+    return (first, second), (images[0], images[1])

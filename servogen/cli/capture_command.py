@@ -12,11 +12,10 @@ from servogen.cli.files import read_schedule_of
 from servogen.cli.options import Json, sampling_rate_option
 from servogen.cli.show import as_json, next_step, progress, status, warn
 from servogen.errors import Diagnostic, InputError, Location
-from servogen.programs import is_built_pair
+from servogen.programs import is_built_pair, read_pair
 from servogen.units import counted
 from servogen.workflows.capture import Captured, CaptureSettings, capture_by_sigrok
 from servogen.workflows.capture import capture as captured
-from servogen.workflows.pair import read_pair
 
 DEFAULT_RATE = 1_000_000
 """Samples per second: one for each instruction cycle of a chip with a 4 MHz clock."""

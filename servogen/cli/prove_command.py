@@ -24,9 +24,9 @@ from servogen.cli.show import as_json, print_lines, status
 from servogen.errors import InputError, Location
 from servogen.job import load, plan_job
 from servogen.pic.analysis.facts import Answer, Facts, decided_and_fine
-from servogen.programs import clock_of, is_built_pair, is_job
+from servogen.programs import clock_of, is_built_pair, is_job, pair_texts, read_pair
 from servogen.prove.prover import MAX_STATES
-from servogen.workflows.pair import pair_texts, planned_pair, read_pair
+from servogen.workflows.pair import planned_pair
 from servogen.workflows.pair_proof import prove_pair
 
 

@@ -31,12 +31,12 @@ from servogen.engines.inputs.serial import Stream
 from servogen.errors import InputError
 from servogen.job import PlannedJob, load, plan_job
 from servogen.pic.image import Image
-from servogen.programs import is_built_pair
+from servogen.programs import is_built_pair, read_pair
 from servogen.pulse import PulseSchedule
 from servogen.simulator import PairedMachine, Stimulus
 from servogen.simulator.sources import pin_number
 from servogen.workflows.engines import PlayedJob, planned
-from servogen.workflows.pair import planned_pair, read_pair
+from servogen.workflows.pair import planned_pair
 
 
 @dataclass(frozen=True, slots=True)

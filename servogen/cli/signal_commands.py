@@ -28,7 +28,7 @@ from servogen.edges import EdgeTrace
 from servogen.errors import InputError, Location
 from servogen.outputs import write_text
 from servogen.pic.image import Image
-from servogen.programs import PAIR_FOLDERS, Program, chip_of, is_built_pair
+from servogen.programs import PAIR_FOLDERS, Program, chip_of, is_built_pair, read_pair
 from servogen.pulse import PulseSchedule
 from servogen.report.pulse_plot import pulse_plot
 from servogen.simulator import SimulatorOptions
@@ -39,7 +39,7 @@ from servogen.units import Cycles
 from servogen.verify import Verdict, capture_lines, measurement_lines, verdict_lines
 from servogen.verify import measure as measured
 from servogen.workflows.measured_schedule import measured_schedule
-from servogen.workflows.pair import judge_folder, read_pair
+from servogen.workflows.pair import judge_folder
 from servogen.workflows.pair_capture import judge_pair_capture
 from servogen.workflows.signals import (
     device_for,

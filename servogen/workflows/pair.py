@@ -20,21 +20,13 @@ import numpy as np
 from servogen.edges import HIGH, PINS, EdgeTrace, join
 from servogen.engines.board import board_of
 from servogen.engines.firmware import Firmware
-from servogen.errors import InputError, Location
-from servogen.inputs import read_input
+from servogen.errors import InputError
 from servogen.job import PlannedJob
 from servogen.job.chips import part_of
 from servogen.outputs import write_text
 from servogen.pic.image import Image
 from servogen.plan_error import plan_text
-from servogen.programs import (
-    BUILT_PROGRAM,
-    BUILT_SCHEDULE,
-    MAX_SCHEDULE_BYTES,
-    PAIR_FOLDERS,
-    read_program,
-    read_schedule,
-)
+from servogen.programs import PAIR_FOLDERS, read_pair
 from servogen.pulse import PulseSchedule
 from servogen.report.pair import PairFacts, pair_page
 from servogen.simulator import Levels, Machine, Stimuli
@@ -297,24 +289,6 @@ def judge_pair(
     if rise is not None and follows.start is not None:
         apart = follows.start - rise - rule.frames * second.period - rule.cycles
     return PairVerdict((leads, follows), apart)
-
-
-def pair_texts(folder: Path) -> tuple[bytes, bytes]:
-    """Return the contents of the schedules of a built pair. Raises InputError."""
-    first, second = (read_input(folder / name / BUILT_SCHEDULE, MAX_SCHEDULE_BYTES) for name in PAIR_FOLDERS)
-    return first, second
-
-
-def read_pair(
-    folder: Path,
-) -> tuple[tuple[PulseSchedule, PulseSchedule], tuple[Image, Image]]:
-    """Return the schedules and the programs of a built pair. Raises InputError."""
-    parts = [folder / name for name in PAIR_FOLDERS]
-    first, second = (read_schedule(part / BUILT_SCHEDULE) for part in parts)
-    images = [read_program(part / BUILT_PROGRAM).image for part in parts]
-    if second.wire is None or first.period != second.period:
-        raise InputError("chip-pair", "chip2 does not follow chip1: build both again", Location(str(folder)))
-    return (first, second), (images[0], images[1])
 
 
 def judge_folder(folder: Path) -> PairVerdict:

@@ -10,13 +10,13 @@ from pathlib import Path
 from servogen.errors import InputError
 from servogen.job import PlannedJob
 from servogen.pic.image import Image
-from servogen.programs import is_built_pair, read_program
+from servogen.programs import is_built_pair, read_pair, read_program
 from servogen.pulse import PulseSchedule
 from servogen.simulator import Stimuli
 from servogen.twin import TwinSettings, TwinVerdict, planned_of, simulate, verdict_of
 from servogen.workflows.engines import PlayedJob, planned
 from servogen.workflows.job_build import Build, Progress
-from servogen.workflows.pair import planned_pair, read_pair
+from servogen.workflows.pair import planned_pair
 
 
 def twin_of(
