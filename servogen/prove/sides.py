@@ -6,8 +6,9 @@ late" the later one. So a search follows that one alone (`explore.Explorer`). Wh
 Causes at inputs. A program learns of an input's change when it reads the pin. Between a read of one level and
 the next read of the other the change may have come in any cycle: the answer is late if it is late for the
 earliest of them, and early if it is early for the latest. If a change could come and the next read is later
-than the answer is due, the clause is broken as well. What is assumed: an input keeps a level until the
-program has read it (a shorter pulse cannot be seen by any program without an interrupt).
+than the answer is due, the clause is broken as well; where an answer comes before that read, it may be too
+early, and nothing is decided. What is assumed: an input keeps a level until the program has read it (a
+shorter pulse cannot be seen by any program without an interrupt).
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from servogen.contract.observers import (
     State,
 )
 from servogen.edges import PINS
+from servogen.prove.specification import Violation
 
 UNREAD = 1_000_000
 """Cycles without a read of an input after which a whole pulse of it has been missed."""
@@ -89,6 +91,11 @@ class SampledResponse:
         level, since, most, fewest = state
         if most != NONE:
             _, most, fewest = self.response.react((0, most, fewest), before, after)
+        elif self.response.within.least and (level == NONE or self._may_come(level)):
+            then, cause = self.response.then, self.response.when[0]
+            if then.happens(before, after):
+                message = f"'{then}' comes, and '{cause}' may have come just before it, unread"
+                raise Violation(message, 0, certain=False)
         return (level, since, most, fewest)
 
     def sees(self, state: State, before: int, after: int) -> bool:

@@ -13,7 +13,7 @@ from servogen.pic.assembler import assemble
 from servogen.pic.image import Image
 from servogen.prove.contract import ContractProof, prove_contract
 from servogen.prove.quantifiers import Quantifiers
-from servogen.simulator import Levels, Stimuli
+from servogen.simulator import Levels, SimulatorOptions, Stimuli
 from servogen.simulator.pin_levels import pin_trace
 from servogen.units import Clock, Cycles
 
@@ -85,6 +85,43 @@ def test_one_cycle_beside_it_is_a_run_that_can_be_repeated(least: int, most: int
     found = proof(program, answer(least, most), Quantifiers(resets=False))
     assert not found.proven
     assert replayed(program, answer(least, most), found).startswith("violated")
+
+
+UNASKED = """
+        bsf     STATUS, RP0
+        movlw   0xEF
+        movwf   TRISB
+        bcf     STATUS, RP0
+        clrf    PORTB
+loop    bsf     PORTB, 4
+        nop
+        bcf     PORTB, 4
+        {read}
+        nop
+        movlw   .200
+        movwf   0x20
+wait    decfsz  0x20, f
+        goto    wait
+        goto    loop
+"""
+"""RB4 rises in cycle 6 and every 5 + 1 + 1 + 599 + 2 cycles, whatever is read: also if RB0 just fell."""
+
+
+@pytest.mark.parametrize(
+    ("read", "within"), [("btfss   PORTB, 0", "5, 2000"), ("btfss   PORTB, 0", "5"), ("nop", "5")]
+)
+def test_a_cause_may_have_come_just_before_an_answer_that_is_made_before_the_next_read(
+    read: str, within: str
+) -> None:
+    program = image(UNASKED.format(read=read))
+    contract = f'[[response]]\nwhen = "RB0 falls"\nthen = "RB4 rises"\nwithin_us = [{within}]\n'
+    rise = 6 + 608  # of the second turn
+    fall = Stimuli([Levels(PINS.index("RB0"), [(0, 1), (rise - 2, 0)])])
+    trace = pin_trace(program, CLOCK, Cycles(1000), SimulatorOptions(), fall)
+    clauses = parse_contract(contract, "c.toml").clauses(CLOCK)
+    assert judge_contract(clauses, trace, from_reset=True).violated
+    found = proof(program, contract, Quantifiers(True, False, False, False, False))
+    assert not found.proven and "'RB0 falls' may have come just before it" in found.reason
 
 
 BRIDGE = """
