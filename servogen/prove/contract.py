@@ -202,8 +202,8 @@ class _ContractProver:
         self._always = self._program.choice_points
         self._cut, driven = _observed(self._program, clock, self._board)
         self._inputs = watched & ~driven
-        outputs = watched & driven
-        self._outputs = outputs if outputs.bit_count() <= MAX_LATCHES else 0
+        self._driven = watched & driven
+        self._outputs = self._driven if self._driven.bit_count() <= MAX_LATCHES else 0
         self._latches = 0
         self._specs = [
             ContractSpecification(side, self._inputs)
@@ -312,8 +312,10 @@ class _ContractProver:
             "the crystal is exact; a pin that nothing drives counts as low; the EEPROM is as in the file",
             f"a high level of at most {GLITCH} cycles while a pin becomes an output counts as low",
         ]
-        sampled = {pin for spec in self._specs for pin in spec.sampled}
+        sampled = {pin for spec in self._specs for pin in spec.sampled if self._inputs >> pin & 1}
         said += [f"{PINS[pin]} keeps each level until it was read" for pin in sorted(sampled)]
+        if self._driven:
+            said.append(f"nothing but the program drives {pin_names(self._driven)}")
         if not self._quantifiers.resets:
             said.append("there is no reset after power-on")
         write_us = self._write_us if self._program.eeprom_accesses else None

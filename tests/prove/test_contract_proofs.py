@@ -73,6 +73,7 @@ def test_a_latency_is_proven_to_the_cycle() -> None:
     found = proof(program, answer(2, 6))
     assert found.proven, found.reason
     assert any("RB0 keeps each level until it was read" in each for each in found.assumptions)
+    assert "nothing but the program drives RB4" in found.assumptions
 
 
 @pytest.mark.parametrize(
