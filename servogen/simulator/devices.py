@@ -102,7 +102,6 @@ class Bus:
             for each, running in zip(devices, self.devices, strict=True)
         ]
         self._callback = React(self._react)
-        self._low = [0] * len(devices)
 
     @property
     def address(self) -> int:

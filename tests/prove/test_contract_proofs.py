@@ -13,7 +13,7 @@ from servogen.pic.assembler import assemble
 from servogen.pic.image import Image
 from servogen.prove.contract import ContractProof, prove_contract
 from servogen.prove.quantifiers import Quantifiers
-from servogen.simulator import Levels, SimulatorOptions, Stimuli
+from servogen.simulator import EEPROM24, Levels, SimulatorOptions, Stimuli, on_pins
 from servogen.simulator.pin_levels import pin_trace
 from servogen.units import Clock, Cycles
 
@@ -327,6 +327,13 @@ def test_a_cause_at_a_pin_that_is_an_input_of_some_chips_only_is_not_decided() -
     found = proof(image(ANSWER.format(delay="").replace("movlw   0xEF", "nop")), answer(2, 6))
     assert not found.proven and found.counterexample is None
     assert found.reason.startswith("RB0 is read, and was driven in a plain run")
+
+
+def test_what_a_device_answers_is_any_level() -> None:
+    program = image(WAVE.format(turns=10).replace("clrf    TRISB", "clrf    TRISB\n        bcf     TRISA, 0"))
+    board = SimulatorOptions(devices=(on_pins(EEPROM24(), scl="RA0", sda="RA1"),))
+    clauses = parse_contract(PULSE, "c.toml").clauses(CLOCK)
+    assert prove_contract(program, clauses, CLOCK, options=board).proven
 
 
 def test_a_program_that_depends_on_its_ram_is_shown_with_the_power_up() -> None:
