@@ -21,6 +21,7 @@ CHUNK_EDGES = 1 << 16
 
 def expected(schedule: PulseSchedule) -> Expected:
     """Return the edges of `schedule`; time zero is the first edge. They end only if the loop has no pulse."""
+    tape = schedule.tape
     return Expected(
         clock=schedule.clock,
         period=schedule.period,
@@ -31,9 +32,7 @@ def expected(schedule: PulseSchedule) -> Expected:
         loop=schedule.loop_frames,
         chunks=_Chunks(schedule),
         plan_error=schedule.plan_error,
-        others=()
-        if (tape := schedule.tape) is None
-        else tuple(PINS.index(pin) for pin in (tape.scl, tape.sda)),
+        others=tuple(PINS.index(pin) for pin in (tape.scl, tape.sda)) if tape else (),
     )
 
 

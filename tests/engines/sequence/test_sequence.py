@@ -60,9 +60,17 @@ def expected_times(schedule: PulseSchedule, count: int) -> list[int]:
     return times[:count]
 
 
-def ran(schedule: PulseSchedule, cost: dict[DelayPath, int], rounds: int, count: int) -> list[int]:
-    """The edge times of a machine whose statements cost `cost`, after `rounds` of measuring."""
-    overheads = Overheads(cost) if rounds else Overheads()
+def ran(
+    schedule: PulseSchedule,
+    cost: dict[DelayPath, int],
+    rounds: int,
+    count: int,
+    measured: dict[DelayPath, int] | None = None,
+) -> list[int]:
+    """The edge times of a machine whose statements cost `cost`, after `rounds` of measuring, which finds
+    this or what is given as `measured`.
+    """
+    overheads = Overheads(measured or cost) if rounds else Overheads()
     time, times = 0, []
     for path, asked in islice(sequence(schedule, overheads).walk(), count):
         time += asked + cost.get(path, 0)
