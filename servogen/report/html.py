@@ -6,7 +6,7 @@ In: `PageFacts`. Out: text of HTML, the same for the same facts. All numbers and
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -92,16 +92,20 @@ class PageFacts:
 
 def html_page(facts: PageFacts) -> str:
     """Return the page. Raises RenderError if the template is wrong."""
+    return filled(TEMPLATE, _values(facts))
+
+
+def filled(template: str, values: Mapping[str, object]) -> str:
+    """Return the page that a template makes of values. Raises RenderError if the template is wrong."""
     environment = Environment(
         undefined=StrictUndefined, autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
     try:
-        template = environment.from_string((template_folder() / TEMPLATE).read_text("utf-8"))
-        return template.render(_values(facts))
+        text = (template_folder() / template).read_text("utf-8")
+        return environment.from_string(text).render(values)
     except TemplateError as error:
-        raise RenderError(
-            "internal-error", error.message or "the template is wrong", Location(TEMPLATE)
-        ) from error
+        message = error.message or "the template is wrong"
+        raise RenderError("internal-error", message, Location(template)) from error
 
 
 def _values(facts: PageFacts) -> dict[str, object]:

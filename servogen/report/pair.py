@@ -9,16 +9,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from jinja2 import Environment, StrictUndefined, TemplateError
-
-from servogen.engines.c_text import RenderError
 from servogen.engines.inputs import given
 from servogen.engines.inputs.wire import FrameWire
-from servogen.errors import InputError, Location
+from servogen.errors import InputError
 from servogen.job import PlannedJob
-from servogen.report.html import wiring_rows
+from servogen.report.html import filled, wiring_rows
 from servogen.report.wiring import PackagePin, open_drain, package, remarks
-from servogen.template_files import template_folder
 
 TEMPLATE = "pair.html.j2"
 AT, WIDTH, BELOW = (170, 640), 96, 50
@@ -47,15 +43,7 @@ class PairFacts:
 
 def pair_page(facts: PairFacts) -> str:
     """Return the page. Raises RenderError if the template is wrong."""
-    environment = Environment(
-        undefined=StrictUndefined, autoescape=True, trim_blocks=True, lstrip_blocks=True
-    )
-    try:
-        template = environment.from_string((template_folder() / TEMPLATE).read_text("utf-8"))
-        return template.render(_values(facts))
-    except TemplateError as error:
-        message = error.message or "the template is wrong"
-        raise RenderError("internal-error", message, Location(TEMPLATE)) from error
+    return filled(TEMPLATE, _values(facts))
 
 
 def _values(facts: PairFacts) -> dict[str, object]:
