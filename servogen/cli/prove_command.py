@@ -169,10 +169,7 @@ def _prove_pair(file: Path, claim: Claim, over: Over, times: TimeOptions, json: 
             texts = pair_texts(file)
         else:
             pair = planned_pair(plan_job(load(file)))
-            schedules = pair.schedules
-            first, second = (made.compilation.image for made in pair.firmware())
-            images = first, second
-            texts = schedules[0].json_text().encode(), schedules[1].json_text().encode()
+            schedules, images, texts = pair.schedules, pair.images(), None
         proof = prove_pair(schedules, images, texts, claim.max_states or MAX_STATES)
     if json:
         as_json({"file": str(file), **proof.to_json()})

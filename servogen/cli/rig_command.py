@@ -28,15 +28,13 @@ from servogen.drive.on_command import line_baud
 from servogen.engines.board import board_of, paired_machine
 from servogen.engines.inputs.commands import CommandLine
 from servogen.engines.inputs.serial import Stream
-from servogen.errors import InputError
 from servogen.job import PlannedJob, load, plan_job
 from servogen.pic.image import Image
-from servogen.programs import is_built_pair, read_pair
 from servogen.pulse import PulseSchedule
 from servogen.simulator import PairedMachine, Stimulus
 from servogen.simulator.sources import pin_number
 from servogen.workflows.engines import PlayedJob, planned
-from servogen.workflows.pair import planned_pair
+from servogen.workflows.pair import planned_pair, read_pair_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,15 +151,11 @@ def _pair(job: PlannedJob, folder: Path | None) -> tuple[PulseSchedule, Image, S
     """Return the first chip's schedule and program, and the second chip; the programs are the job's, or those
     in the folder of a build.
     """
-    if folder is not None and not is_built_pair(folder):
-        hint = "--hex takes the folder that `servogen build` writes for the job"
-        message = f"{folder} does not have the programs of two chips"
-        raise InputError("chip-pair", message, job.document.place("chip"), hint)
     if folder is not None:
-        schedules, (first, second) = read_pair(folder)
+        schedules, (first, second) = read_pair_of(job, folder)
     else:
         played = planned_pair(job)
-        schedules, (first, second) = played.schedules, (each.compilation.image for each in played.firmware())
+        schedules, (first, second) = played.schedules, played.images()
 
     def beside(first: Image, second: Image, stimulus: Stimulus | None) -> PairedMachine:
         return paired_machine(schedules, (first, second), stimulus=stimulus)

@@ -26,7 +26,7 @@ from servogen.job.chips import part_of
 from servogen.outputs import write_text
 from servogen.pic.image import Image
 from servogen.plan_error import plan_text
-from servogen.programs import PAIR_FOLDERS, read_pair
+from servogen.programs import PAIR_FOLDERS, is_built_pair, read_pair
 from servogen.pulse import PulseSchedule
 from servogen.report.pair import PairFacts, pair_page
 from servogen.simulator import Levels, Machine, Stimuli
@@ -119,19 +119,9 @@ class PairBuild:
         """Return what is proven of both programs of each dialect. Raises ToolError."""
         first, second = self.chips
         schedules = first.plan.schedule, second.plan.schedule
-        texts = schedules[0].json_text().encode(), schedules[1].json_text().encode()
-        pairs = {
-            dialect: [
-                each.image
-                for build in self.chips
-                for each in build.programs
-                if each.firmware.dialect == dialect
-            ]
-            for dialect in self.verdicts
-        }
+        leads, follows = _images(first), _images(second)
         return {
-            dialect: prove_pair(schedules, (leads, follows), texts)
-            for dialect, (leads, follows) in pairs.items()
+            dialect: prove_pair(schedules, (leads[dialect], follows[dialect])) for dialect in self.verdicts
         }
 
     def to_json(self) -> PairBuildFacts:
@@ -201,6 +191,11 @@ class PlayedPair:
         first, second = (chip.make(self.job.firmware.dialect) for chip in self.chips)
         return first, second
 
+    def images(self) -> tuple[Image, Image]:
+        """Return the machine code of both. Raises ResourceError."""
+        first, second = self.firmware()
+        return first.compilation.image, second.compilation.image
+
 
 def planned_pair(job: PlannedJob) -> PlayedPair:
     """Return both chips of a job as their engine plays them. Raises InputError or ResourceError."""
@@ -234,15 +229,18 @@ def build_pair(job: PlannedJob, progress: Callable[[str], None] = lambda step: N
     first, second = (build_alone(each, progress) for each in jobs)
     schedules = first.plan.schedule, second.plan.schedule
     _same_frame(job, *schedules)
-    images = [
-        {program.firmware.dialect: program.image for program in each.programs} for each in (first, second)
-    ]
+    leads, follows = _images(first), _images(second)
     verdicts = {
-        dialect: judge_pair(schedules, (images[0][dialect], images[1][dialect]))
-        for dialect in images[0]
-        if dialect in images[1]
+        dialect: judge_pair(schedules, (leads[dialect], follows[dialect]))
+        for dialect in leads
+        if dialect in follows
     }
     return PairBuild(job, (first, second), verdicts)
+
+
+def _images(build: Build) -> dict[str, Image]:
+    """Return the programs of a build by dialect."""
+    return {program.firmware.dialect: program.image for program in build.programs}
 
 
 def wire_edges(trace: EdgeTrace, pin: str) -> tuple[tuple[int, int], ...]:
@@ -291,6 +289,20 @@ def judge_pair(
     return PairVerdict((leads, follows), apart)
 
 
+def read_pair_of(
+    job: PlannedJob, folder: Path
+) -> tuple[tuple[PulseSchedule, PulseSchedule], tuple[Image, Image]]:
+    """Return what `read_pair` does of a folder that stands for the programs of `job`. Raises InputError."""
+    if not is_built_pair(folder):
+        raise InputError(
+            "chip-pair",
+            f"{folder} does not have the programs of two chips",
+            job.document.place("chip"),
+            "--hex takes the folder that `servogen build` writes for the job",
+        )
+    return read_pair(folder)
+
+
 def judge_folder(folder: Path) -> PairVerdict:
     """Return the verdict on the HEX files of a built pair. Raises InputError."""
     return judge_pair(*read_pair(folder))
@@ -307,9 +319,7 @@ def write_pair(result: PairBuild, folder: Path) -> None:
 def pair_html(result: PairBuild) -> str:
     """Return the page about a pair: the wiring of both chips, and the verdicts."""
     first, second = result.chips
-    words = [
-        {each.firmware.dialect: str(each.image.words) for each in chip.programs} for chip in (first, second)
-    ]
+    leads, follows = _images(first), _images(second)
     return pair_page(
         PairFacts(
             result.job.name,
@@ -317,7 +327,10 @@ def pair_html(result: PairBuild) -> str:
             result.exact,
             [f"{dialect}: {verdict.summary()}" for dialect, verdict in result.verdicts.items()],
             [
-                (dialect, words[0][dialect], words[1][dialect], "exact" if verdict.exact else "NOT exact")
+                (
+                    *(dialect, str(leads[dialect].words), str(follows[dialect].words)),
+                    "exact" if verdict.exact else "NOT exact",
+                )
                 for dialect, verdict in result.verdicts.items()
             ],
             ONE_RUN,

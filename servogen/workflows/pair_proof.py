@@ -95,10 +95,14 @@ ASSUMED = (
 def prove_pair(
     schedules: tuple[PulseSchedule, PulseSchedule],
     images: tuple[Image, Image],
-    texts: tuple[bytes, bytes],
+    texts: tuple[bytes, bytes] | None = None,
     max_states: int = MAX_STATES,
 ) -> PairProof:
-    """Prove both chips and the pair; `texts` are the contents of the schedules' files. Raises ToolError."""
+    """Prove both chips and the pair; `texts` are the contents of the schedules' files, by default those that
+    `servogen build` writes. Raises ToolError.
+    """
+    if texts is None:
+        texts = schedules[0].json_text().encode(), schedules[1].json_text().encode()
     first, second = (
         prove_program(image, schedule, text, max_states)
         for image, schedule, text in zip(images, schedules, texts, strict=True)

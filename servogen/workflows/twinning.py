@@ -10,13 +10,13 @@ from pathlib import Path
 from servogen.errors import InputError
 from servogen.job import PlannedJob
 from servogen.pic.image import Image
-from servogen.programs import is_built_pair, read_pair, read_program
+from servogen.programs import read_program
 from servogen.pulse import PulseSchedule
 from servogen.simulator import Stimuli
 from servogen.twin import TwinSettings, TwinVerdict, planned_of, simulate, verdict_of
 from servogen.workflows.engines import PlayedJob, planned
 from servogen.workflows.job_build import Build, Progress
-from servogen.workflows.pair import planned_pair
+from servogen.workflows.pair import planned_pair, read_pair_of
 
 
 def twin_of(
@@ -44,19 +44,13 @@ def _twin_of_pair(
     progress: Progress,
 ) -> TwinVerdict:
     """Return what the robot does with the programs of both chips, or with those in the folder of a build."""
-    place = job.document.place("chip")
     if stimuli is not None:
-        raise InputError("chip-pair", "two chips read nothing that --stimulus could change", place)
-    if folder is not None and not is_built_pair(folder):
-        hint = "--hex takes the folder that `servogen build` writes for the job"
-        raise InputError("chip-pair", f"{folder} does not have the programs of two chips", place, hint)
+        message = "two chips read nothing that --stimulus could change"
+        raise InputError("chip-pair", message, job.document.place("chip"))
+    given = None if folder is None else read_pair_of(job, folder)[1]
     pair = planned_pair(job)
     progress("compiling")
-    if folder is not None:
-        images = read_pair(folder)[1]
-    else:
-        first, second = pair.firmware()
-        images = first.compilation.image, second.compilation.image
+    images = given or pair.images()
     progress("moving")
     schedules, played = pair.schedules, pair.job
     lead_in = played.trajectory.loop_start - job.trajectory.loop_start
