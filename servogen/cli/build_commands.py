@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -21,6 +22,7 @@ from servogen.cli.show import as_json, print_lines, status, table, warn_of_all
 from servogen.cli.widths import width_table
 from servogen.engines.firmware import ResourceError
 from servogen.errors import Diagnostic, InputError
+from servogen.isolation import WorkLimits, run_each
 from servogen.job import PlannedJob, load, plan_job
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES
 from servogen.plan_error import plan_text
@@ -39,6 +41,11 @@ from servogen.workflows.pair import build_pair, write_pair
 
 if TYPE_CHECKING:
     from servogen.answers import BuildAnswer
+
+BUILDING = WorkLimits(seconds=3600.0, memory_mb=8000, result_mb=256, open_files=256)
+"""The limits for building one of several jobs: the user's own, so that they only end what hangs."""
+
+_Made = tuple[Build, Sequence[CertificateVerdict]]
 
 SHOWN_FIRST = "hexapod-tripod"
 """The job that is proposed after a demo: the one that moves most."""
@@ -140,11 +147,11 @@ class _Demo:
     """The jobs that were built, and why the others were not."""
 
     output: Path
-    built: Sequence[tuple[Path, Build, Sequence[CertificateVerdict]]]
+    built: list[tuple[Path, Build, Sequence[CertificateVerdict]]]
     """Of each job that fits: its file, its build, and what is proven of its programs."""
-    refused: Sequence[Diagnostic]
+    refused: list[Diagnostic]
     """The jobs that do not fit."""
-    unread: Sequence[InputError]
+    unread: list[InputError]
     """The jobs with a mistake, which do not stop the others."""
     proves: bool = False
     """Whether every program must be proven."""
@@ -154,30 +161,28 @@ class _Demo:
         jobs: Sequence[Path], output: Path, proofs: Path | None, prove: bool, tell: Callable[[str], None]
     ) -> _Demo:
         """Build jobs into folders of `output`; their certificates are in `proofs`, or where they are kept."""
-        builds: list[tuple[Path, Build]] = []
-        refused: list[Diagnostic] = []
-        unread: list[InputError] = []
-        for job in jobs:
-            try:
-                loaded = plan_job(load(job))
-                result = built(loaded, partial(_tell_step, tell, loaded.name))
-            except ResourceError as error:
-                refused.append(error.first)
-            except InputError as error:
-                unread.append(error)
-            else:
-                builds.append((job, result))
-                write(result, output / loaded.name)
-        return _Demo(
-            output,
-            [
-                (job, result, _theorems(result, output / result.job.name, proofs, prove, tell))
-                for job, result in builds
-            ],
-            refused,
-            unread,
-            prove,
-        )
+        made: dict[int, _Made | Exception] = {}
+        works = [partial(_made, job, output, None if prove else proofs, not prove) for job in jobs]
+        tell(f"0 of {counted(len(jobs), 'job')} built")
+        for index, result in run_each(works, BUILDING, os.cpu_count() or 1):
+            made[index] = result
+            tell(f"{len(made)} of {counted(len(jobs), 'job')} built")
+        shown = _Demo(output, [], [], [], prove)
+        for index, job in enumerate(jobs):
+            match made[index]:
+                case ResourceError() as error:
+                    shown.refused.append(error.first)
+                case InputError() as error:
+                    shown.unread.append(error)
+                case Exception() as error:
+                    raise error
+                case build, verdicts:
+                    folder = output / build.job.name
+                    write(build, folder)
+                    if prove:
+                        verdicts = _theorems(build, folder, proofs, prove, tell)
+                    shown.built.append((job, build, verdicts))
+        return shown
 
     @property
     def fine(self) -> bool:
@@ -201,8 +206,12 @@ class _Demo:
         ]
 
 
-def _tell_step(tell: Callable[[str], None], job: str, step: str) -> None:
-    tell(f"{job}: {step}")
+def _made(job: Path, output: Path, certificates: Path | None, checks: bool) -> _Made:
+    """Return a job's build and, if it `checks`, what is known of its programs. Raises what `build` raises."""
+    loaded = plan_job(load(job))
+    result = built(loaded)
+    folder = output / loaded.name
+    return result, _theorems(result, folder, certificates, False, lambda step: None) if checks else []
 
 
 def _show_demo(shown: _Demo) -> None:

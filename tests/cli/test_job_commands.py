@@ -158,7 +158,7 @@ def building(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         lambda path: SimpleNamespace(name=Path(path).stem, warnings=(), notes=(), chips=()),
     )
 
-    def build(job: Any, tell: Callable[[str], None]) -> Any:
+    def build(job: Any, tell: Callable[[str], None] = lambda step: None) -> Any:
         tell("compiling")
         return results["build"](job)
 
@@ -169,6 +169,7 @@ def building(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         "write",
         lambda result, folder: results["written"].append(folder),
     )
+    monkeypatch.setattr("servogen.isolation.can_fork", lambda: False)  # what stands in cannot be pickled
     results["theorems"] = [MISSING, MISSING]
     stand_in(monkeypatch, "servogen.cli.build_commands", "_theorems", lambda *given: results["theorems"])
     stand_in(monkeypatch, job_build, "hex_name", lambda result, program: "main.hex")

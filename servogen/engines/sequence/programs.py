@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 
 from servogen.pulse import PulseSchedule, Run
 from servogen.units import Cycles
@@ -45,7 +44,7 @@ class Overheads:
     cycles: Mapping[DelayPath, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "cycles", MappingProxyType(dict(self.cycles)))
+        object.__setattr__(self, "cycles", dict(self.cycles))
 
     def of(self, path: DelayPath) -> int:
         """Return the cycles of a path."""
