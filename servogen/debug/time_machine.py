@@ -256,7 +256,7 @@ class TimeMachine:
         """Return the level of each pin before cycle `begin`, and come back to the current moment."""
         here = self.machine.snapshot(), self._applied
         self.seek(max(0, begin))
-        levels = self.machine.levels
+        levels = self.machine.traced
         self.machine.restore(here[0])
         self._applied = here[1]
         return levels

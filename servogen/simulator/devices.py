@@ -2,7 +2,7 @@
 
 In: a `PinDevice` and the pins that it is on (`OnPins`). Out: `Bus`, which the instruction loop calls for
 every change of these pins' levels, in the cycle in which it happens; what the devices pull low is seen by the
-next reading of the port.
+next reading of the port, and in the edges of these pins, which are those of the wires.
 
         +5 V
          │ 4.7 kΩ at each line of a device (its pins are open drains: it pulls low, or lets go)
@@ -20,7 +20,9 @@ from dataclasses import dataclass
 from itertools import product
 from typing import Any, Protocol
 
-from servogen.edges import PINS
+import numpy as np
+
+from servogen.edges import NO_EDGES, PINS, EdgeChunk, edge_chunk, join, part
 from servogen.errors import Diagnostic, InputError, did_you_mean
 from servogen.units import Clock
 
@@ -102,6 +104,14 @@ class Bus:
             for each, running in zip(devices, self.devices, strict=True)
         ]
         self._callback = React(self._react)
+        pins = {pin for each in devices for pin in each.pins}
+        self.pins = np.array(sorted(pins), dtype=np.uint8)
+        """The pins with devices."""
+        high = sum(1 << pin for pin in pins)
+        self._told = ~high
+        """The levels that the edges taken so far lead to."""
+        self.changes = [(0, high)] if pins else []
+        """The levels from then on, with the cycles of their edges: a wire is high until it is pulled low."""
 
     @property
     def address(self) -> int:
@@ -109,16 +119,39 @@ class Bus:
         return ctypes.cast(self._callback, ctypes.c_void_p).value or 0
 
     def _react(self, cycle: int, pins: int) -> int:
-        low = 0
+        at, low = max(0, cycle - 1), 0  # what is written in one cycle is a level from the next one on
+        if self.changes and self.changes[-1][0] == at:
+            self.changes.pop()  # an answer in the same cycle
+        self.changes.append((at, pins))
         for react, to_lines, to_pins in self._parts:
             low |= to_pins[react(cycle, to_lines[pins & to_lines[-1]])]
         return low
 
+    def with_wires(self, edges: EdgeChunk) -> EdgeChunk:
+        """Return what the chip did since the last call with the edges of the wires at the devices' pins."""
+        if not self.devices:
+            return edges
+        rows = []
+        for cycle, levels in self.changes:
+            changed = levels ^ self._told
+            rows += [(cycle, pin, levels >> pin & 1) for pin in self.pins.tolist() if changed >> pin & 1]
+            self._told = levels
+        self.changes = []
+        wires = edge_chunk(*zip(*rows, strict=True)) if rows else NO_EDGES
+        both = join((part(edges, ~np.isin(edges.pin, self.pins)), wires))
+        return part(both, np.argsort(both.cycle, kind="stable"))
+
     def snapshot(self) -> tuple[Any, ...]:
-        return tuple(device.snapshot() for device in self.devices)
+        """Return the devices' states and the edges not yet taken; nothing where there is no device."""
+        states = tuple(device.snapshot() for device in self.devices)
+        return (states, self._told, tuple(self.changes)) if states else ()
 
     def restore(self, state: tuple[Any, ...]) -> None:
-        for device, its in zip(self.devices, state, strict=True):
+        if not self.devices:
+            return
+        states, self._told, changes = state
+        self.changes = list(changes)
+        for device, its in zip(self.devices, states, strict=True):
             device.restore(its)
 
     def relative(self, cycle: int) -> bytes:

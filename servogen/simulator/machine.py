@@ -168,9 +168,15 @@ class Machine:
 
     @property
     def levels(self) -> tuple[int, ...]:
-        """Return what the chip drives each pin to, as in its edges."""
+        """Return what the chip drives each pin to."""
         driven, high = int(self._s[at.DRIVEN]), int(self._s[at.DRIVEN_HIGH])
         return tuple(high >> pin & 1 if driven >> pin & 1 else UNDRIVEN for pin in range(len(PINS)))
+
+    @property
+    def traced(self) -> tuple[int, ...]:
+        """Return the levels that the edges lead to: what the chip drives, and the wires of devices."""
+        wires, read = int(self._s[at.DEVICE_PINS]), self.pins
+        return tuple(read >> pin & 1 if wires >> pin & 1 else level for pin, level in enumerate(self.levels))
 
     @property
     def devices(self) -> tuple[Running, ...]:
@@ -405,7 +411,7 @@ class Machine:
             self._marked = stops, fast, code
         code = self._marked[2]
         for _ in self._runs(end, code, loop(observed=False, tracked=self._tracked), _UNOBSERVED):
-            if self._s[at.EDGE_COUNT]:
+            if self._s[at.EDGE_COUNT] or self._bus.changes:
                 yield self._drain()
 
     def _runs(self, end: int, code: Code, run: Loop, observation: Observation) -> Iterator[int]:
@@ -438,7 +444,7 @@ class Machine:
     def _drain(self) -> EdgeChunk:
         packed = self._edges[: self._s[at.EDGE_COUNT]]
         self._s[at.EDGE_COUNT] = 0
-        return unpack_edges(packed)
+        return self._bus.with_wires(unpack_edges(packed))
 
 
 def unpack_edges(packed: Packed) -> EdgeChunk:

@@ -405,7 +405,7 @@ class WatchSession:
             return "".join("l1"[level] if level < UNDRIVEN else "l" for level in self._pulses.levels)
         read = self.chip.machine.pins
         return "".join(
-            "lh"[read >> pin & 1] if level == UNDRIVEN else "01"[level]
+            ("lh" if level == UNDRIVEN else "01")[read >> pin & 1]
             for pin, level in enumerate(self.chip.machine.levels)
         )
 

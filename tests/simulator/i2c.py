@@ -1,7 +1,7 @@
 """A program that is a reader and writer of I²C by hand: SCL on RA0, driven, SDA on RA1, pulled low or let go.
 
 `program` makes one from a list of what it does on the bus. `Probe` sees the wires, and `sigrok_words` is what
-sigrok's decoder reads there.
+sigrok's decoder reads in a recording.
 """
 
 from __future__ import annotations
@@ -12,8 +12,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from servogen.edges import EdgeTrace
 from servogen.errors import Diagnostic
 from servogen.pic.image import Image
+from servogen.traces import write_edges
 from servogen.units import Clock
 from tests.simulator.helpers import image
 
@@ -140,13 +142,10 @@ class Probe:
         return None
 
 
-def sigrok_words(seen: Sequence[tuple[int, int]], end: int, folder: Path) -> list[str]:
-    """Return what sigrok says of the wires, SCL and SDA as bits of (cycle, levels), a sample a cycle."""
-    samples = bytearray()
-    for (at, levels), (then, _) in zip([(0, 3), *seen], [*seen, (end, 3)], strict=True):
-        samples += bytes([levels]) * (then - at)
-    (folder / "wires.bin").write_bytes(samples)
-    command = ("sigrok-cli", "-I", "binary:numchannels=2:samplerate=1000000", "-i", str(folder / "wires.bin"))
-    decoder = ("-P", "i2c:scl=0:sda=1", "-A", "i2c=addr-data")
-    said = subprocess.run((*command, *decoder), capture_output=True, text=True, check=True, timeout=60)
+def sigrok_words(edges: EdgeTrace, folder: Path, scl: str = "RA0", sda: str = "RA1") -> list[str]:
+    """Return what sigrok reads in the recording of a run."""
+    write_edges(edges, folder / "run.vcd")
+    decoder = ("-P", f"i2c:scl={scl}:sda={sda}", "-A", "i2c=addr-data")
+    command = ("sigrok-cli", "-I", "vcd", "-i", str(folder / "run.vcd"), *decoder)
+    said = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
     return [line.removeprefix("i2c-1: ") for line in said.stdout.splitlines()]

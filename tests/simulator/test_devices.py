@@ -14,12 +14,13 @@ from typing import Any
 
 import pytest
 
+from servogen.edges import EdgeTrace
 from servogen.errors import InputError
 from servogen.pic.image import to_hex
 from servogen.simulator import EEPROM24, Machine, SimulatorOptions, on_pins
 from servogen.simulator.eeprom24 import PARTS, RunningEEPROM
 from servogen.testing.chip import Board, Chip
-from servogen.units import Clock
+from servogen.units import Clock, Cycles
 from tests.simulator.helpers import CLOCK, image, ram
 from tests.simulator.i2c import FIRST, Probe, program, sigrok_words
 
@@ -60,9 +61,12 @@ def test_a_device_sees_an_edge_in_its_cycle_and_the_next_instruction_sees_its_an
     """SDA falls while SCL is high: a start. The write of cycle c is a level from c + 1 on."""
     probe = Probe()
     chip = on_bus(("start",), probe)
-    chip.run(40)
+    edges = chip.run(40)
     names = {0: "scl 0 sda 0", 1: "scl 1 sda 0", 2: "scl 0 sda 1", 3: "scl 1 sda 1"}
     assert [names[levels] for _, levels in probe.seen] == ["scl 1 sda 0", "scl 0 sda 0"]
+    rows = list(zip(*(column.tolist() for column in edges), strict=True))
+    (falls, _), (low, _) = probe.seen
+    assert rows == [(0, 0, 1), (0, 1, 1), (falls - 1, 1, 0), (low - 1, 0, 0)]
     assert chip.chip_dependent == ()
 
     class Echo(Probe):
@@ -74,8 +78,13 @@ def test_a_device_sees_an_edge_in_its_cycle_and_the_next_instruction_sees_its_an
     made = image(f"{source} movwf 0x22\nw goto w\n")
     placed = on_pins(Echo(), scl="RA0", sda="RA1")
     chip = Machine(made, CLOCK, SimulatorOptions(devices=(placed,)))
-    chip.run(30)
+    edges = chip.run(30)
     assert taken(chip, 3) == [0, 3, 0]
+    # The program never drives SDA: its edges are what the device makes of the wire, in the cycles of SCL's.
+    scl, sda = (
+        [column[edges.pin == pin].tolist() for column in (edges.cycle, edges.level)] for pin in (0, 1)
+    )
+    assert scl == sda and sda[1] == [1, 0, 1, 0]
 
 
 def test_bytes_are_read_over_the_end_and_from_the_beginning_on() -> None:
@@ -295,9 +304,8 @@ def test_random_transactions_do_what_a_plain_reading_of_the_data_sheet_says(part
 
 @pytest.mark.skipif(not shutil.which("sigrok-cli"), reason="sigrok-cli is not installed")
 def test_sigrok_decodes_the_wires_of_a_run_as_what_the_program_asked_for(tmp_path: Path) -> None:
-    probe = Probe()
-    on_bus((*READ_3, *WRITE_3, "start", 0xA0, "stop"), EEPROM24(BYTES), probe).run(4000)
-    words = sigrok_words(probe.seen, 4000, tmp_path)
+    chip = on_bus((*READ_3, *WRITE_3, "start", 0xA0, "stop"), EEPROM24(BYTES))
+    words = sigrok_words(EdgeTrace(CLOCK, (chip.run(4000),), Cycles(4000)), tmp_path)
     ends = [f"{BYTES[n]:02X}" for n in (0x7FFE, 0x7FFF, 0)]
     address = ["Start", "Write", "Address write: 50", "ACK"]
     assert words == [

@@ -104,7 +104,7 @@ class VirtualChip:
 
         A pin that nothing drives is low, as an analyser's input with a pull-down sees it.
         """
-        driven = self.machine.levels if self._on else (UNDRIVEN,) * PAIR_PINS
+        driven = self.machine.traced if self._on else (UNDRIVEN,) * PAIR_PINS
         levels = [self._outside.get(pin) if level == UNDRIVEN else level for pin, level in enumerate(driven)]
         return self.channels | sum((levels[pin] == HIGH) << pin for pin in self._pins)
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from servogen.edges import PINS
+from servogen.edges import PINS, EdgeTrace
 from servogen.engines.board import machine_of
 from servogen.engines.tape.content import FIRST, content, tape_hex
 from servogen.errors import InputError
@@ -33,7 +33,7 @@ from tests.engines.tape.tape_jobs import (
     with_content,
     without_eeprom,
 )
-from tests.simulator.i2c import Probe, sigrok_words
+from tests.simulator.i2c import sigrok_words
 
 ERROR_PIN = 'on_error = "{}"\nerror_pin = "RA0"'
 
@@ -174,14 +174,12 @@ def test_an_eeprom_that_is_pulled_out_while_it_plays_releases_the_pulses() -> No
 
 @pytest.mark.skipif(not shutil.which("sigrok-cli"), reason="sigrok-cli is not installed")
 def test_sigrok_reads_the_tape_from_the_wires(tmp_path: Path) -> None:
-    """All of it, and over the end back to the loop."""
+    """From the recording of a run: all of it, and over the end back to the loop."""
     played, image = made()
     schedule, tape = played.plan.schedule, tape_of().content
-    probe = Probe()
-    around = SimulatorOptions(devices=(on_pins(probe, scl="RA3", sda="RA4"),))
-    machine = machine_of(schedule, image, around)
-    machine.run(100 * schedule.period)
-    words = sigrok_words(probe.seen, 100 * schedule.period, tmp_path)
+    span = Cycles(100 * schedule.period)
+    edges = EdgeTrace(schedule.clock, (machine_of(schedule, image).run(span),), span)
+    words = sigrok_words(edges, tmp_path, "RA3", "RA4")
     assert [word for word in words if word.startswith("Data write")] == [
         *("Data write: 00", "Data write: 00"),
         *(f"Data write: {byte:02X}" for _ in range(2) for byte in tape.loop.to_bytes(2, "big")),
