@@ -15,6 +15,7 @@ from servogen.cli.app import MODULES, app
 from servogen.workflows.output_schema import OUTPUTS, UNITLESS, output_schema
 from tests.bench.conftest import running
 from tests.cli.conftest import ROOT, Run, wrong
+from tests.workflows.test_pair import JOB as PAIR
 
 LAB8, OUT = ROOT / "jobs" / "lab8-exercise.toml", ROOT / "firmware" / "lab8-exercise"
 PROGRAM, SCHEDULE = OUT / "main.hex", OUT / "schedule.json"
@@ -91,6 +92,15 @@ def beside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_what_a_command_prints_is_what_its_schema_says(run: Run, words: str) -> None:
     ran = run(*words.split(), "--json")
     assert (ran.code in (0, 1), wrong(words.split()[0], ran.out)) == (True, []), ran.err
+
+
+@pytest.mark.usefixtures("beside")
+def test_two_chips_answer_as_the_schema_says(run: Run) -> None:
+    Path("pair.toml").write_text(PAIR, "utf-8")
+    walk = ("check pair.toml", "plan pair.toml", "build pair.toml -o made", "verify made")
+    for words in map(str.split, walk):
+        ran = run(*words, "--json")
+        assert (ran.code, wrong(words[0], ran.out)) == (0, []), ran.err
 
 
 @pytest.mark.usefixtures("beside")

@@ -18,6 +18,7 @@ from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import Pulse, Run
 from servogen.units import Cycles
 from servogen.workflows.pair_proof import PairProof, prove_pair
+from tests.cli.conftest import wrong
 from tests.prove.wired import PERIOD, first_chip, schedules, second_chip, wait
 
 FIRST, SECOND = schedules()
@@ -61,7 +62,9 @@ def test_two_chips_are_proven_checked_and_what_is_left_open_is_said(folder: Path
 
 
 def test_the_answer_is_json_too(folder: Path) -> None:
-    answer = json.loads(invoke("prove", str(folder), "--json").output)
+    printed = invoke("prove", str(folder), "--json").output
+    answer = json.loads(printed)
+    assert wrong("prove", printed) == []
     assert answer["answer"] == "proven" and answer["chips"] == ["proven, checked"] * 2
     # Of 12008 cycles up to the first pulse, three frames and the quiet wire are the second chip's.
     assert answer["second_begins_late_cycles"] == 12008 - 3 * PERIOD - 1023 - 8
