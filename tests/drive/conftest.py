@@ -8,11 +8,13 @@ import threading
 import tty
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from servogen.job import PlannedJob, load, plan_job
 from tests.cli.conftest import Ran, Run, run
 from tests.drive.mini_ssc import Decoder
 
@@ -23,6 +25,12 @@ START = (
     "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "  # ignored in a background job
     "from servogen.cli import main; main()"
 )
+
+
+@cache
+def planned(name: str) -> PlannedJob:
+    """A job of jobs/, planned once."""
+    return plan_job(load(ROOT / "jobs" / f"{name}.toml"))
 
 
 class Serial:

@@ -19,7 +19,6 @@ from servogen.drive.on_command import CommandedFrame, line_baud
 from servogen.drive.serial_link import NullWire, SerialLink, VirtualTime
 from servogen.drive.session import DriveSession, Summary
 from servogen.drive.steering import BaseController, Jog, PoseController, Rates, steering_of
-from servogen.drive.sweep import Sweep, ask_from, sweep_readings
 from servogen.errors import InputError, ToolError
 from servogen.job import PlannedJob, loads, plan_job
 from servogen.motion.trajectory import JointTrajectory
@@ -539,43 +538,6 @@ def test_the_facts_of_each_command_are_logged() -> None:
     assert [entry.get("number") for entry in log] == [5, 6, None]
     assert log[-1]["event"] == "stopped"
     assert (summary.stopped, summary.commands, summary.rounds, summary.outages) == (True, 2, 1, 0)
-
-
-def test_a_sweep_goes_in_steps_of_a_fiftieth_of_a_second_and_settles() -> None:
-    """254 positions in 1.5 s are 3.39 in 20 ms: steps of three; then half a second to come to rest."""
-    _, controller = controller_of(arms(), None, "1000,2000", 0)
-    with linked(115_200) as (clock, wire, line):
-        sweep = Sweep(controller=controller, index=1, line=line, time=clock.time(), at=100)
-        sweep.go(110)
-        assert [data[2] for _, data in wire.written] == [103, 106, 109, 110]
-        assert clock.at == pytest.approx(4 * 0.02 + 0.5)
-        sweep.go(104)
-        assert [data for _, data in wire.written[4:]] == [bytes([255, 1, at]) for at in (107, 104)]
-        sweep.go(104)
-        assert wire.written[-1][1] == bytes([255, 1, 104])
-
-
-def test_a_sweep_repeats_its_position_while_a_person_reads() -> None:
-    _, controller = controller_of(arms(), None, "1000,2000", 0)
-    with linked(115_200) as (clock, wire, line):
-        sweep = Sweep(controller=controller, index=0, line=line, time=clock.time(), at=7)
-        answer = sweep.wait_for(lambda: "45" if clock.at > 1.29 else None)
-        assert answer == "45"
-        assert [moment for moment, _ in wire.written] == pytest.approx([0.5, 1.0], abs=0.001)
-        assert {data for _, data in wire.written} == {bytes([255, 0, 7])}
-
-
-def test_the_readings_of_a_sweep_have_the_widths_of_their_positions_and_it_ends_at_neutral() -> None:
-    _, controller = controller_of(arms(), None, "1000,2000", 0)
-    with linked(115_200) as (clock, wire, line):
-        ask = ask_from([0.1, 0.2], (10, 20))
-        readings = sweep_readings(controller, 0, (10, 20), line, clock.time(), ask)
-        assert [each.angle for each in readings] == [0.1, 0.2]
-        assert [each.width_us for each in readings] == pytest.approx([1000 + 10000 / 254, 1000 + 20000 / 254])
-        assert wire.written[0][1] == wire.written[-1][1] == bytes([255, 0, 127])
-    with pytest.raises(InputError, match="1 angle for 2 points") as caught:
-        ask_from([0.1], (10, 20))
-    assert caught.value.hint == "--points 1"
 
 
 # ---- a walk on command ----------------------------------------------------------------------------------

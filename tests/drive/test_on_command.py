@@ -12,7 +12,6 @@ import time
 import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
-from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, ClassVar, NoReturn
@@ -24,7 +23,7 @@ from servogen.bench.virtual.rig import RigOptions
 from servogen.cli.drive_line import WireOptions
 from servogen.cli.drive_on_command import drive_on_command
 from servogen.drive import on_command
-from servogen.drive.commands import WALK_KEYS, commands_of_keys, script
+from servogen.drive.commands import script
 from servogen.drive.on_command import CommandedDrive, CommandedFrame, Twin
 from servogen.drive.serial_link import VirtualTime
 from servogen.edges import PINS
@@ -38,13 +37,11 @@ from servogen.engines.inputs.commands import (
 )
 from servogen.engines.player.script import DirectionPlaces
 from servogen.errors import InputError
-from servogen.job import PlannedJob, load, plan_job
 from servogen.pic.device import RAM_FIRST
 from servogen.pulse.schedule import from_json
 from servogen.units import Clock, Cycles
-from tests.campaigns import sampled
 from tests.cli.stand_ins import stand_in
-from tests.drive.conftest import ROOT, Run
+from tests.drive.conftest import ROOT, Run, planned
 from tests.engines.player.test_direction_buttons import ROBOT, TEXT, TWO
 
 JOB = ROOT / "jobs" / "hexapod-command.toml"
@@ -52,18 +49,12 @@ FIRMWARE = ROOT / "firmware" / "hexapod-command"
 Start = Callable[..., "subprocess.Popen[str]"]
 
 
-@cache
-def planned() -> PlannedJob:
-    return plan_job(load(JOB))
-
-
-def driven(text: str, seconds: float = 60.0, single_keys: bool = False) -> list[CommandedFrame]:
-    """Return the states at which direction or part change, and the last one."""
+@pytest.fixture(scope="module")
+def walked() -> list[CommandedFrame]:
+    """The states of a walk at which direction or part change, and the last one."""
     states: list[CommandedFrame] = []
-    drive = CommandedDrive(
-        Twin(planned()), script(text), VirtualTime().time(), states.append, single_keys=single_keys
-    )
-    drive.run(seconds)
+    words = script("wait 3\nforward\nwait 2\nleft\nwait 4\nstop\nwait 6\n")
+    CommandedDrive(Twin(planned("hexapod-command")), words, VirtualTime().time(), states.append).run(60.0)
     kept = [states[0]]
     for state in states:
         if (state.direction, state.part) != (kept[-1].direction, kept[-1].part):
@@ -71,10 +62,9 @@ def driven(text: str, seconds: float = 60.0, single_keys: bool = False) -> list[
     return [*kept, states[-1]]
 
 
-def test_directions_follow_commands_and_each_ends_in_the_stance() -> None:
+def test_directions_follow_commands_and_each_ends_in_the_stance(walked: list[CommandedFrame]) -> None:
     """Starts, cycles and stops are as long as the schedule has them; a cycle takes 0.96 s, 48 frames."""
-    states = driven("wait 3\nforward\nwait 2\nleft\nwait 4\nstop\nwait 6\n")
-    assert [(state.direction, state.part) for state in states] == [
+    assert [(state.direction, state.part) for state in walked] == [
         ("lead-in", ""),
         ("stance", ""),
         ("forward", "start"),
@@ -86,7 +76,7 @@ def test_directions_follow_commands_and_each_ends_in_the_stance() -> None:
         ("stance", ""),
         ("stance", ""),
     ]
-    frames = [state.frame for state in states]
+    frames = [state.frame for state in walked]
     commands = from_json((FIRMWARE / "schedule.json").read_text(), "schedule.json").commands
     assert commands is not None
     forward, _, left, _ = commands.directions
@@ -97,27 +87,12 @@ def test_directions_follow_commands_and_each_ends_in_the_stance() -> None:
     assert (frames[7] - frames[6]) % 48 == 0
 
 
-def test_the_widths_are_those_of_the_schedules_frames() -> None:
+def test_the_widths_are_those_of_the_schedules_frames(walked: list[CommandedFrame]) -> None:
     schedule = from_json((FIRMWARE / "schedule.json").read_text(), "schedule.json")
     stance = [pulse.width for pulse in schedule.loop[0].pulses if pulse]
-    states = driven("wait 4\n")
-    assert list(states[-1].widths_us.values()) == stance
-    assert list(states[-1].widths_us) == [channel.name for channel in schedule.channels]
-    assert (states[0].frame, states[0].seconds) == (1, pytest.approx(0.02))
-
-
-def test_an_unknown_command_is_refused_and_an_unknown_key_ignored() -> None:
-    with pytest.raises(InputError, match="unknown command 'sideways-left'"):
-        driven("sideways-left\n")
-    assert driven("sideways-left\nwait 1\n", single_keys=True)[-1].direction == "lead-in"
-
-
-def test_the_keys() -> None:
-    assert commands_of_keys(b"wasd \x1b[A\x1b[B\x1b[C\x1b[Dq", WALK_KEYS) == [
-        *("forward", "left", "back", "right", "stop"),
-        *("forward", "back", "right", "left", "quit"),
-    ]
-    assert commands_of_keys(b"e1\x1b[Z", WALK_KEYS) == []
+    assert list(walked[-1].widths_us.values()) == stance
+    assert list(walked[-1].widths_us) == [channel.name for channel in schedule.channels]
+    assert (walked[0].frame, walked[0].seconds) == (1, pytest.approx(0.02))
 
 
 def piped(start: Start, text: str, *arguments: object) -> tuple[int, str, str]:
@@ -140,17 +115,14 @@ class Ended(CommandedDrive):
 
 @pytest.mark.parametrize(
     ("terminal", "port", "dry_run", "real"),
-    sampled(
-        [
-            (True, None, False, True),
-            (True, None, True, False),
-            (True, "/dev/ttyX", True, False),
-            (False, None, False, False),
-            (False, "/dev/ttyX", False, True),
-            (False, "/dev/ttyX", True, False),
-        ],
-        2,
-    ),
+    [
+        (True, None, False, True),
+        (True, None, True, False),
+        (True, "/dev/ttyX", True, False),
+        (False, None, False, False),
+        (False, "/dev/ttyX", False, True),
+        (False, "/dev/ttyX", True, False),
+    ],
 )
 def test_time_is_real_for_a_person_or_a_robot_and_only_a_terminals_state_stays_on_its_line(
     terminal: bool,
@@ -161,12 +133,13 @@ def test_time_is_real_for_a_person_or_a_robot_and_only_a_terminals_state_stays_o
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     stand_in(monkeypatch, "servogen.drive.on_command", "CommandedDrive", Ended)
+    stand_in(monkeypatch, "servogen.drive.on_command", "Twin", lambda job: Robot())
     stand_in(monkeypatch, "servogen.drive.serial_link", "SerialLink", lambda *_: nullcontext(None))
     stand_in(monkeypatch, "servogen.drive.serial_link", "port_opener", lambda *_: None)
     stand_in(monkeypatch, "servogen.cli.drive_line", "command_source", lambda *_: nullcontext(script("")))
     monkeypatch.setattr("sys.stdin", SimpleNamespace(isatty=lambda: terminal))
     monkeypatch.setattr(Ended, "made", [])
-    job = planned()
+    job = planned("hexapod-command")
     for as_json in (False, True):
         drive_on_command(job, WireOptions(port=port, dry_run=dry_run), None, as_json)
         drive = Ended.made.pop()
@@ -203,18 +176,23 @@ def test_commands_from_a_pipe_drive_the_simulated_chip(start: Start) -> None:
 
 @pytest.mark.parametrize(
     ("options", "text", "message"),
-    sampled(
-        [
-            ((), "", "walks on command"),
-            (("--keys", "--pose", "1"), "", "--pose is for other jobs"),
-            (("--keys",), "fly\n", "unknown command 'fly'"),
-        ]
-    ),
+    [
+        ((), "", "walks on command"),
+        (("--keys", "--pose", "1"), "", "--pose is for other jobs"),
+        (("--keys",), "fly\n", "unknown command 'fly'"),
+    ],
 )
-def test_bad_input_is_a_plain_error(start: Start, options: tuple[str, ...], text: str, message: str) -> None:
-    code, _, err = piped(start, text, *options)
-    assert (code, message in err) == (2, True), err
-    assert "Traceback" not in err
+def test_bad_input_is_a_plain_error(
+    run: Run, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], text: str, message: str
+) -> None:
+    stand_in(monkeypatch, "servogen.drive.on_command", "Twin", lambda job: Robot())
+    reading, writing = os.pipe()
+    with os.fdopen(writing, "w") as pipe:
+        pipe.write(text)
+    with os.fdopen(reading) as pipe:
+        monkeypatch.setattr("sys.stdin", pipe)
+        ran = run("drive", JOB, *options)
+    assert (ran.code, message in ran.err) == (2, True), ran.err
 
 
 @contextmanager
@@ -454,4 +432,6 @@ def test_a_drive_sends_what_the_chip_is_told_and_stops_a_robot_that_walks(
     assert len(states) == robot.frames == pytest.approx(frames, abs=1)
     with pytest.raises(InputError, match="unknown command 'right'"):
         drive.command("right")
+    drive.single_keys = True
+    drive.command("right")
     assert drive.sent == len(robot.commands) == len(commands)

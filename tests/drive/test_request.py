@@ -11,8 +11,8 @@ import pytest
 from servogen.drive.motions import Limited, Played, Still
 from servogen.drive.request import HOLD, NEUTRAL, OFF, DriveRequest, course_of
 from servogen.errors import InputError
-from servogen.job import PlannedJob, load, loads, plan_job
-from tests.drive.conftest import ROOT
+from servogen.job import PlannedJob, loads, plan_job
+from tests.drive.conftest import planned
 
 STREAM = """
 [chip]
@@ -27,16 +27,12 @@ fail_safe = "{fail_safe}"
 """
 
 
-def job(name: str) -> PlannedJob:
-    return plan_job(load(ROOT / "jobs" / f"{name}.toml"))
-
-
 def stream(fail_safe: str) -> PlannedJob:
     return plan_job(loads(STREAM.format(fail_safe=fail_safe), "job.toml"))
 
 
 def test_without_more_the_motion_is_driven_until_an_interrupt() -> None:
-    course = course_of(job("lab8-exercise"), DriveRequest())
+    course = course_of(planned("lab8-exercise"), DriveRequest())
     assert isinstance(course.motion, Limited)
     assert isinstance(course.motion.motion, Played)
     assert course.seconds == math.inf
@@ -44,7 +40,7 @@ def test_without_more_the_motion_is_driven_until_an_interrupt() -> None:
 
 
 def test_a_steered_robot_is_driven_until_an_interrupt_or_for_its_time() -> None:
-    wheels = job("omni-square")
+    wheels = planned("omni-square")
     for seconds, lasts in ((None, math.inf), (2.5, 2.5), (0.0, 0.0)):
         course = course_of(wheels, DriveRequest(steer=True, seconds=seconds))
         assert course.seconds == lasts
@@ -55,34 +51,34 @@ def test_a_steered_robot_is_driven_until_an_interrupt_or_for_its_time() -> None:
 
 def test_a_rehearsal_plays_the_motion_once() -> None:
     """2, 5 and 3 s of the exercise; a time that is given counts in a rehearsal too."""
-    exercise = job("lab8-exercise")
+    exercise = planned("lab8-exercise")
     assert course_of(exercise, DriveRequest(rehearsal=True)).seconds == 10.0
     assert course_of(exercise, DriveRequest(rehearsal=True, seconds=25.0)).seconds == 25.0
 
 
 def test_a_pose_is_sent_and_left_unless_the_robot_would_not_keep_it() -> None:
     pose = DriveRequest(pose="arm=90")
-    course = course_of(job("lab8-exercise"), pose)
+    course = course_of(planned("lab8-exercise"), pose)
     assert isinstance(course.motion, Limited)
     assert isinstance(course.motion.motion, Still)
     assert course.seconds == 0.0
     assert course_of(stream(HOLD), pose).seconds == 0.0
     assert course_of(stream(OFF), pose).seconds == math.inf, "the fail-safe would end it"
-    turning = course_of(job("omni-square"), DriveRequest(pose="wheel1=100"))
+    turning = course_of(planned("omni-square"), DriveRequest(pose="wheel1=100"))
     assert turning.seconds == math.inf, "wheels turn on"
     assert course_of(stream(OFF), replace(pose, rehearsal=True)).seconds == 0.0
     assert course_of(stream(OFF), replace(pose, seconds=3.0)).seconds == 3.0
 
 
 def test_wheels_stop_at_the_end_and_other_servos_hold() -> None:
-    wheels = course_of(job("omni-square"), DriveRequest()).stop
+    wheels = course_of(planned("omni-square"), DriveRequest()).stop
     assert wheels is not None
     assert wheels.tolist() == [0.0, 0.0, 0.0]
-    assert course_of(job("omni-square"), DriveRequest(stop=HOLD)).stop is None
+    assert course_of(planned("omni-square"), DriveRequest(stop=HOLD)).stop is None
 
 
 def test_the_end_may_be_neutral_or_a_pose() -> None:
-    exercise = job("lab8-exercise")
+    exercise = planned("lab8-exercise")
     neutral, pose = (course_of(exercise, DriveRequest(stop=stop)).stop for stop in (NEUTRAL, "arm=45"))
     assert neutral is not None
     assert neutral.tolist() == [exercise.servos[0].neutral]
@@ -92,18 +88,18 @@ def test_the_end_may_be_neutral_or_a_pose() -> None:
 
 def test_only_a_fail_safe_switches_servos_off() -> None:
     assert course_of(stream(OFF), DriveRequest(stop=OFF)).stop is None
-    for other in (stream(HOLD), job("lab8-exercise")):
+    for other in (stream(HOLD), planned("lab8-exercise")):
         with pytest.raises(InputError, match="cannot switch pulses off"):
             course_of(other, DriveRequest(stop=OFF))
 
 
 def test_keys_that_mean_nothing_are_ignored_and_commands_that_mean_nothing_are_refused() -> None:
-    walking = job("hexapod-tripod")
-    course_of(walking, DriveRequest(steer=True, single_keys=True)).on_command("9")
+    wheels = planned("omni-square")
+    course_of(wheels, DriveRequest(steer=True, single_keys=True)).on_command("9")
     with pytest.raises(InputError):
-        course_of(walking, DriveRequest(steer=True)).on_command("9")
+        course_of(wheels, DriveRequest(steer=True)).on_command("9")
 
 
 def test_a_pose_and_keys_exclude_each_other() -> None:
     with pytest.raises(InputError, match="use one of the two"):
-        course_of(job("lab8-exercise"), DriveRequest(pose="1", steer=True))
+        course_of(planned("lab8-exercise"), DriveRequest(pose="1", steer=True))

@@ -1,7 +1,7 @@
 """A drive sends what the motion asks for, as fast as the line carries it, and stops the robot at its end."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
@@ -259,21 +259,6 @@ def test_positions_never_pass_a_servos_limits() -> None:
         channel.position(math.pi)
 
 
-@pytest.mark.parametrize(
-    ("options", "says"),
-    [
-        ({"range_us": None}, "the widths of positions 0 and 254 must be known"),
-        ({"range_us": "2000,1000"}, "is not a range of widths"),
-        ({"range_us": "1000"}, "is not a range of widths"),
-        ({"first": 252}, "8 servos numbered from 252"),
-    ],
-)
-def test_a_controller_that_cannot_be_is_refused(options: Mapping[str, object], says: str) -> None:
-    given = {"range_us": RANGE, "first": 0, **options}
-    with pytest.raises(InputError, match=says):
-        controller_of(servos(8), 9600, **given)  # type: ignore[arg-type]
-
-
 def test_a_width_that_the_controller_cannot_make_is_refused_not_clamped() -> None:
     job = servos(1)
     channel = ControllerChannel(job.servos[0], 0, tuple(np.linspace(1200, 1800, 255).tolist()))
@@ -297,20 +282,6 @@ def test_a_width_that_the_controller_cannot_make_is_refused_not_clamped() -> Non
 def test_a_pose_that_is_not_there_is_refused(text: str, says: str) -> None:
     with pytest.raises(InputError, match=says):
         pose_of(servos(2), text)
-
-
-def test_a_pose_is_called_by_number_name_or_angles() -> None:
-    job = servos(2)
-    assert np.degrees(pose_of(job, "2")).tolist() == pytest.approx([150, 150])
-    assert (pose_of(job, "low") == pose_of(job, "1")).all()
-    some = np.degrees(pose_of(job, "s1=12.5"))
-    assert math.isnan(some[0])
-    assert some[1] == pytest.approx(12.5)
-
-
-def test_commands_are_sync_number_position() -> None:
-    controller = ServoController(tuple(ControllerChannel(servo, 5, WIDTHS) for servo in servos(1).servos))
-    assert controller.command(0, 127) == b"\xff\x05\x7f"
 
 
 def test_a_way_to_the_first_pose_longer_than_a_group_counts_is_refused_and_not_shortened() -> None:

@@ -5,6 +5,7 @@ import os
 import pty
 import re
 import termios
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,20 +14,16 @@ import pytest
 
 from servogen.drive import steering as module
 from servogen.drive.commands import (
-    QUIT,
     KeyCommands,
     LineCommands,
     commands_in,
-    commands_of_keys,
-    script,
     terminal_keys,
-    wait_seconds,
 )
 from servogen.drive.steering import Rates, Steering, WalkController, steering_of
 from servogen.errors import InputError, ToolError
 from servogen.job import PlannedJob, load, loads, plan_job
-from servogen.kinematics.omni import OmniBase
 from servogen.motion.trajectory import Floats
+from tests.drive.conftest import planned
 
 JOBS = Path(__file__).parents[2] / "jobs"
 FRAME_S = 0.02
@@ -42,8 +39,14 @@ def steered(steering: Steering, orders: dict[int, str], frames: int) -> Floats:
     return np.asarray(np.degrees(np.array(rows)))
 
 
+@cache
+def _ways() -> WalkController:
+    return steered_walk(planned("hexapod-tripod"), Rates())
+
+
 def walking() -> WalkController:
-    return steered_walk(plan_job(load(JOBS / "hexapod-tripod.toml")), Rates())
+    """The hexapod's controller, which stands; its ways are planned once."""
+    return WalkController(_ways().job, _ways().gaits)
 
 
 def steered_walk(job: PlannedJob, rates: Rates) -> WalkController:
@@ -74,7 +77,7 @@ def test_whatever_is_ordered_no_joint_of_the_walk_jumps() -> None:
     centre, radius, half = math.hypot(90, 50), 60.0, math.radians(2)
     out = centre + radius
     beyond = math.atan2(out * math.sin(half), out * math.cos(half) - centre)
-    job = plan_job(load(JOBS / "hexapod-tripod.toml"))
+    job = planned("hexapod-tripod")
     most = np.abs(np.diff(np.degrees(job.trajectory.angles), axis=0)).max(axis=0)
     most[0::2] = math.degrees(math.atan2(90, 50) + beyond) * 1.875 / 24
     random = np.random.default_rng(7)
@@ -106,9 +109,9 @@ def test_the_steered_walk_is_the_walk_that_a_job_plans() -> None:
     text = re.sub("body_height_mm = 130.*", "compensate = false", (JOBS / "hexapod-tripod.toml").read_text())
     job = plan_job(loads(text, "job.toml"))
     gait = steered_walk(job, Rates()).gaits["forward"]
-    planned = job.trajectory.angles  # four cycles of 40 mm, from standing to standing
+    walk = job.trajectory.angles  # four cycles of 40 mm, from standing to standing
     mine = np.concatenate((gait.start, *[gait.cycle] * 3, gait.stop))
-    assert np.allclose(mine[: len(planned)], planned[: len(mine)], atol=1e-6)
+    assert np.allclose(mine[: len(walk)], walk[: len(mine)], atol=1e-6)
 
 
 def test_all_ways_start_and_stop_standing_alike_below_the_full_height_too() -> None:
@@ -150,7 +153,7 @@ def cut(monkeypatch: pytest.MonkeyPatch, wrong: float, steady: float, stop: int 
     """
     asked: list[float | None] = []
 
-    def planned(job: object, row: dict[str, float], others: object) -> SimpleNamespace:
+    def walk(job: object, row: dict[str, float], others: object) -> SimpleNamespace:
         cycles = row.get("cycles")
         asked.append(cycles)
         angles = np.arange(7.0)
@@ -159,7 +162,7 @@ def cut(monkeypatch: pytest.MonkeyPatch, wrong: float, steady: float, stop: int 
             angles[6] += wrong if cycles < steady else 1e-7
         return SimpleNamespace(trajectory=SimpleNamespace(angles=angles[:, None], loop_start=4))
 
-    monkeypatch.setattr(module, "plan_job", planned)
+    monkeypatch.setattr(module, "plan_job", walk)
     found = module._gait(SimpleNamespace(file="a.toml"), {"forward_mm": 1.0}, ())  # type: ignore[arg-type]
     parts = (found.start, found.cycle, found.stop)
     assert [part[:, 0].tolist() for part in parts] == [[0, 1, 2, 3], [4, 5, 6], [7, 0]]
@@ -180,78 +183,22 @@ def test_a_way_is_cut_out_of_the_first_walk_that_begins_as_the_endless_one(
 
 def test_a_stride_that_the_legs_cannot_do_is_refused() -> None:
     with pytest.raises(InputError, match="limits"):
-        steered_walk(plan_job(load(JOBS / "hexapod-tripod.toml")), Rates(400, 200))
-
-
-@pytest.mark.parametrize(
-    ("word", "way"),
-    [("forward", (1, 0, 0)), ("sideways-left", (0, 1, 0)), ("right", (0, 0, -1)), ("stop", (0, 0, 0))],
-)
-def test_a_base_gets_the_body_speed_that_was_ordered(word: str, way: tuple[int, int, int]) -> None:
-    job = plan_job(load(JOBS / "omni-square.toml"))
-    steering = steering_of(job, Rates(80, 30))
-    wheels = np.radians(steered(steering, {0: word}, 30)[-1])
-    assert isinstance(job.robot, OmniBase)
-    wanted = np.array(way) * (0.08, 0.08, math.radians(30))
-    assert job.robot.body_speed(wheels) == pytest.approx(wanted, abs=1e-12)
-
-
-def test_a_base_changes_its_speed_in_a_ramp() -> None:
-    steering = steering_of(plan_job(load(JOBS / "omni-square.toml")), Rates())
-    rows = steered(steering, {5: "forward", 40: "back", 43: "stop"}, 100)
-    assert np.abs(np.diff(rows, axis=0)).max() <= 2 * np.abs(rows).max() * FRAME_S / 0.2 + 1e-9
-    assert not rows[-1].any()
-
-
-def test_a_speed_that_the_wheels_do_not_have_is_refused() -> None:
-    job = plan_job(load(JOBS / "omni-square.toml"))
-    assert "forward" not in steering_of(job, Rates(5000, 30)).commands
-    with pytest.raises(InputError, match="cannot turn at"):
-        steering_of(job, Rates(5000, 3000))
-
-
-def test_poses_are_gone_to_as_fast_as_the_servo_can_and_can_be_stopped_half_way() -> None:
-    job = plan_job(load(JOBS / "lab8-exercise.toml"))
-    steering = steering_of(job, Rates())
-    rows = steered(steering, {0: "1", 100: "3", 110: "stop"}, 200)
-    assert rows[60, 0] == pytest.approx(30)
-    assert 30 < rows[-1, 0] < 120
-    speed = job.servos[0].model.speed
-    assert speed is not None
-    assert np.abs(np.diff(rows, axis=0)).max() <= math.degrees(speed) * FRAME_S + 1e-9
-    assert rows[-1, 0] == pytest.approx(
-        30 + 10 * FRAME_S * math.degrees(speed), abs=math.degrees(speed) * FRAME_S
-    )
-
-
-def test_angles_are_orders_too() -> None:
-    steering = steering_of(plan_job(load(JOBS / "lab8-exercise.toml")), Rates())
-    assert steered(steering, {0: "arm=77.5"}, 100)[-1, 0] == pytest.approx(77.5)
+        steered_walk(planned("hexapod-tripod"), Rates(400, 200))
 
 
 def test_a_stream_job_without_poses_takes_angles() -> None:
-    steering = steering_of(plan_job(load(JOBS / "stream-arm.toml")), Rates())
+    steering = steering_of(planned("stream-arm"), Rates())
     assert steered(steering, {0: "base=120,grip=60"}, 100)[-1] == pytest.approx([120, 90, 60])
 
 
-@pytest.mark.parametrize(
-    ("job", "word"), [("hexapod-tripod", "jump"), ("omni-square", "jump"), ("lab8-exercise", "4")]
-)
-def test_an_unknown_order_is_refused(job: str, word: str) -> None:
+def test_an_unknown_order_is_refused() -> None:
     with pytest.raises(InputError, match="unknown command"):
-        steering_of(plan_job(load(JOBS / f"{job}.toml")), Rates()).command(word)
+        walking().command("jump")
 
 
 def test_an_arm_program_has_nothing_to_steer() -> None:
     with pytest.raises(InputError, match="nothing can be steered"):
-        steering_of(plan_job(load(JOBS / "rvm1-program.toml")), Rates())
-
-
-def test_keys_and_arrows_are_words_and_other_keys_none() -> None:
-    assert commands_of_keys(b"1234567890") == [*"123456789"]
-    assert commands_of_keys(b"w\x1b[A\x1bOBd  zx3\x1b") == [
-        *("forward", "forward", "back", "right", "stop", "stop", QUIT, "3"),
-    ]
+        steering_of(planned("rvm1-program"), Rates())
 
 
 def test_a_terminals_keys_come_without_return_and_it_is_as_before_afterwards() -> None:
@@ -267,30 +214,6 @@ def test_a_terminals_keys_come_without_return_and_it_is_as_before_afterwards() -
     finally:
         os.close(master)
         os.close(slave)
-
-
-def test_lines_come_when_they_are_whole_and_the_end_is_quit() -> None:
-    read, write = os.pipe()
-    try:
-        lines = LineCommands(read)
-        os.write(write, b"forw")
-        assert lines.since(0.0) == []
-        os.write(write, b"ard\nwait 2\nstop\n# nothing\nback")
-        assert lines.since(0.1) == ["forward"]
-        assert lines.since(1.9) == []
-        assert lines.since(2.2) == ["stop"]
-        os.close(write)
-        assert lines.since(2.3) == ["back", QUIT]
-    finally:
-        os.close(read)
-
-
-@pytest.mark.parametrize("line", ["wait", "wait soon", "wait -1", "wait nan", "wait inf"])
-def test_a_wait_that_is_none_is_refused(line: str) -> None:
-    with pytest.raises(InputError, match="does not state how long"):
-        wait_seconds(line)
-    with pytest.raises(InputError, match="does not state how long"):
-        script(line).since(0.0)
 
 
 def test_comments_and_empty_lines_are_no_orders() -> None:

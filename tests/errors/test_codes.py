@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -31,17 +30,13 @@ REPORTS = {
 SEVERITIES = ("error", "warning", "note")
 
 
-def code_arguments(tree: ast.AST) -> Iterator[tuple[ast.Call, ast.expr]]:
-    """Yield each call that makes a diagnostic, and its argument that is the code."""
-    for node in ast.walk(tree):
-        if not isinstance(node, ast.Call) or not node.args:
-            continue
-        name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
-        at = 0 if name in ERRORS else 1 if name == "Diagnostic" else None
-        if at is None and name in REPORTS and not _takes_a_diagnostic(node, name):
-            at = REPORTS[name]
-        if at is not None and len(node.args) > at:
-            yield node, node.args[at]
+def code_argument(node: ast.Call) -> ast.expr | None:
+    """Return which argument of a call that makes a diagnostic is the code."""
+    name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+    at = 0 if name in ERRORS else 1 if name == "Diagnostic" else None
+    if node.args and at is None and name in REPORTS and not _takes_a_diagnostic(node, name):
+        at = REPORTS[name]
+    return node.args[at] if at is not None and len(node.args) > at else None
 
 
 def _takes_a_diagnostic(node: ast.Call, name: str) -> bool:
@@ -52,44 +47,38 @@ def _takes_a_diagnostic(node: ast.Call, name: str) -> bool:
 
 
 @cache
-def modules() -> list[tuple[str, ast.AST]]:
-    return [
-        (str(path.relative_to(PACKAGE)), ast.parse(path.read_text("utf-8")))
-        for path in sorted(PACKAGE.rglob("*.py"))
-    ]
+def source() -> tuple[list[tuple[str, ast.expr]], set[str]]:
+    """Return (place, code) of each call that makes a diagnostic, and every text that could be a code."""
+    codes, texts = [], set()
+    for path in sorted(PACKAGE.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.Call) and (code := code_argument(node)):
+                codes.append((f"{path.relative_to(PACKAGE)}:{node.lineno}", code))
+            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                texts.add(node.value)
+    return codes, {text for text in texts if CODE.fullmatch(text)}
 
 
 def documented() -> set[str]:
     return set(re.findall(r"^\| `([^`]+)` \|", DOCS.read_text("utf-8"), re.MULTILINE))
 
 
-def literals() -> set[str]:
-    """Return every text of the source that could be a code."""
-    return {
-        node.value
-        for _, tree in modules()
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and CODE.fullmatch(node.value)
-    }
-
-
 def test_every_diagnostic_has_a_literal_code_that_the_page_explains() -> None:
     """What passes a code on names it `code`, or takes it from another diagnostic."""
     known, wrong, seen = documented(), [], 0
-    for name, tree in modules():
-        for call, code in code_arguments(tree):
-            if isinstance(code, ast.Constant):
-                seen += 1
-                if not isinstance(code.value, str) or code.value not in known:
-                    wrong.append(f"{name}:{call.lineno}: {code.value!r}")
-            elif ast.unparse(code).rpartition(".")[2] not in ("code", "kind"):
-                wrong.append(f"{name}:{call.lineno}: {ast.unparse(code)} is not a literal")
+    for place, code in source()[0]:
+        if isinstance(code, ast.Constant):
+            seen += 1
+            if not isinstance(code.value, str) or code.value not in known:
+                wrong.append(f"{place}: {code.value!r}")
+        elif ast.unparse(code).rpartition(".")[2] not in ("code", "kind"):
+            wrong.append(f"{place}: {ast.unparse(code)} is not a literal")
     assert not wrong
     assert seen > 500
 
 
 def test_every_code_of_the_page_is_in_the_source() -> None:
-    assert documented() - literals() == set()
+    assert documented() - source()[1] == set()
 
 
 def test_a_code_has_one_row_with_meaning_and_advice() -> None:
