@@ -9,6 +9,7 @@ from pathlib import Path
 import typer
 
 from servogen.cli.files import read_program
+from servogen.cli.page_server import running_page
 from servogen.dap import DebugSession, Messages, serve
 from servogen.programs import Program
 
@@ -16,7 +17,7 @@ from servogen.programs import Program
 def dap() -> None:
     """Debug a program in an editor: speaks the Debug Adapter Protocol on standard input and output."""
     failures: list[str] = []
-    session = DebugSession(Messages(sys.stdout.buffer).send, _read)
+    session = DebugSession(Messages(sys.stdout.buffer).send, _read, running_page)
     # A stream of its own: Python would wait at its end for the thread that still reads from sys.stdin.
     stream = os.fdopen(os.dup(sys.stdin.fileno()), "rb")  # never closed: the thread may be reading
     serve(stream, session, failures.append)

@@ -1,13 +1,16 @@
-"""Runs the server of `servogen watch` and of `servogen grade --watch` until Ctrl-C."""
+"""Runs the server of `servogen watch` and of `servogen grade --watch` until Ctrl-C, and connects to one."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from servogen.errors import ToolError
 
 if TYPE_CHECKING:
+    from servogen.dap.protocol import Message
+    from servogen.dap.running_page import RunningPage
     from servogen.watch.server import WatchServer
 
 
@@ -21,6 +24,14 @@ def require_server() -> None:
             f"watching needs the package {error.name}, which is not installed",
             hint="pip install 'servogen[watch]'",
         ) from error
+
+
+def running_page(url: str, send: Callable[[Message], None]) -> RunningPage:
+    """Return the debugger of a running page. Raises ToolError, InputError without a page."""
+    require_server()
+    from servogen.dap.running_page import RunningPage
+
+    return RunningPage(url, send)
 
 
 def serve_until_ctrl_c(server: WatchServer, name: str, port: int, browser: bool) -> None:

@@ -10,10 +10,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from servogen.debug.breakpoints import AtCondition, Breakpoint, parse_breakpoint, run_to
+from servogen.debug.breakpoints import AtAddress, AtCondition, Breakpoint, parse_breakpoint, run_to
 from servogen.debug.symbols import variable
 from servogen.debug.time_machine import TimeMachine
-from servogen.edges import PINS
+from servogen.edges import PINS, EdgeChunk
 from servogen.errors import InputError
 from servogen.pic.listing import Listing
 
@@ -73,25 +73,26 @@ def armed(breakpoint: Breakpoint, given: Mapping[str, Any], listing: Listing | N
 
 
 def next_stop(
-    chip: TimeMachine, end: int, every: Sequence[Armed], log: Callable[[str], None]
+    chip: TimeMachine,
+    end: int,
+    every: Sequence[Armed],
+    log: Callable[[str], None],
+    produced: list[EdgeChunk] | None = None,
 ) -> Armed | None:
-    """Run to the first breakpoint that stops, which is returned, or to the first moment not before `end`."""
-    if not every:
-        chip.run(end)
-        return None
-    by_breakpoint = {id(each.breakpoint): each for each in every}
+    """Run to the first breakpoint that stops, which is returned, or to the first moment not before `end`.
+
+    The edges are appended to `produced`.
+    """
     while chip.now < end:
-        hit = run_to(chip, end, [each.breakpoint for each in every], chip.machine.image)
-        if hit is None:
-            return None
-        each = by_breakpoint[id(hit)]
-        if not each.holds(chip):
-            continue
-        each.count += 1
-        if each.message is not None:
-            log(each.printed(chip))
-        elif each.count >= each.hits:
-            return each
+        stopping = None
+        for each in _met(chip, end, every, produced):
+            each.count += 1
+            if each.message is not None:
+                log(each.printed(chip))
+            elif each.count >= each.hits:
+                stopping = stopping or each
+        if stopping is not None:
+            return stopping
     return None
 
 
@@ -102,18 +103,14 @@ def back_to(chip: TimeMachine, every: Sequence[Armed]) -> Armed | None:
     """
     here, width = int(chip.now), int(chip.clock.round_seconds(FIRST_BACK_S))
     stops = [each for each in every if each.message is None]
-    by_breakpoint = {id(each.breakpoint): each for each in stops}
     while stops:
         begin = max(0, here - width)
         chip.seek(begin)
         last: tuple[int, Armed] | None = None
         while chip.now < here:
-            hit = run_to(chip, here, [each.breakpoint for each in stops], chip.machine.image)
-            if hit is None or chip.now >= here:
-                break
-            each = by_breakpoint[id(hit)]
-            if each.holds(chip):
-                last = int(chip.now), each
+            met = _met(chip, here, stops)
+            if met and chip.now < here:
+                last = int(chip.now), met[0]
         if last is not None:
             chip.seek(last[0])
             return last[1]
@@ -122,3 +119,20 @@ def back_to(chip: TimeMachine, every: Sequence[Armed]) -> Armed | None:
         width *= 2
     chip.seek(0)
     return None
+
+
+def _met(
+    chip: TimeMachine, end: int, every: Sequence[Armed], produced: list[EdgeChunk] | None = None
+) -> list[Armed]:
+    """Run to the first breakpoint, or to `end`; return all that are there and whose conditions hold."""
+    hit = run_to(chip, end, [each.breakpoint for each in every], chip.machine.image, produced)
+    here = chip.machine.pc if isinstance(hit, AtAddress) else None
+    return [
+        each
+        for each in every
+        if (
+            each.breakpoint is hit
+            or (isinstance(each.breakpoint, AtAddress) and here in each.breakpoint.addresses)
+        )
+        and each.holds(chip)
+    ]

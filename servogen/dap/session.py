@@ -12,7 +12,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from servogen.dap.breakpoints import Armed, armed, back_to, next_stop
 from servogen.dap.protocol import Message
@@ -22,7 +22,7 @@ from servogen.debug.symbols import ListedLine, line_at, variable
 from servogen.debug.time_machine import TimeMachine
 from servogen.edges import PINS
 from servogen.errors import InputError, ServogenError
-from servogen.pic.device import EEPROM_BYTES, PROGRAM_WORDS, RAM_FIRST
+from servogen.pic.device import EEPROM_BYTES, PROGRAM_WORDS, RAM_FIRST, RAM_LAST
 from servogen.pic.listing import Listing
 from servogen.pic.spelling import assembly_text
 from servogen.programs import Program, clock_of, read_program
@@ -35,7 +35,13 @@ MAX_STEPS = 2_000
 """The lines that "step over" and "step out" run through before they stop in the middle."""
 PINS_OF, REGISTERS, VARIABLES, EEPROM = 1, 2, 3, 4
 """References of the scopes."""
-LAUNCH_KEYS = ("program", "stimulus", "inputs", "clock_hz", "device", "stopOnEntry", "start", "floating")
+LAUNCH_KEYS = ("program", "stimulus", "inputs", "clock_hz", "device", "stopOnEntry", "floating")
+ATTACH_KEYS = ("url",)
+EDITOR_KEYS = (
+    *("name", "type", "request", "noDebug", "preLaunchTask", "postDebugTask", "presentation"),
+    *("internalConsoleOptions", "debugServer", "serverReadyAction", "suppressMultipleSessionWarning"),
+)
+"""What editors give a configuration for themselves."""
 
 CAPABILITIES = {
     "supportsConfigurationDoneRequest": True,
@@ -47,6 +53,7 @@ CAPABILITIES = {
     "supportsInstructionBreakpoints": True,
     "supportsDisassembleRequest": True,
     "supportsReadMemoryRequest": True,
+    "supportsWriteMemoryRequest": True,
     "supportsEvaluateForHovers": True,
     "supportsSteppingGranularity": True,
     "supportsSetVariable": True,
@@ -56,6 +63,22 @@ CAPABILITIES = {
 }
 
 Body = dict[str, Any]
+
+
+class Elsewhere(Protocol):
+    """A debugger in another process, whose messages go to the editor."""
+
+    def send(self, request: Message) -> bool:
+        """Pass a request on; return False where nobody answers any more."""
+
+    def close(self) -> None:
+        """Let the program go on without the editor."""
+
+
+Connect = Callable[[str, Callable[[Message], None]], Elsewhere]
+"""Return the debugger of a running program, from its address and what takes its messages. Raises
+InputError.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,15 +99,23 @@ class DebugSession:
     """Answers the requests of one editor."""
 
     def __init__(
-        self, send: Callable[[Message], None], read: Callable[[Path, str | None], Program] = read_program
+        self,
+        send: Callable[[Message], None],
+        read: Callable[[Path, str | None], Program] = read_program,
+        connect: Connect | None = None,
     ):
+        """Begin with nothing to debug: `read` is what `launch` reads with, `connect` what `attach` needs."""
         self._send = send
         self._read = read
+        self._connect = connect
+        self._elsewhere: Elsewhere | None = None
+        """Who answers instead, from `attach` on."""
         self.running = False
         self.ended = False
         self._loaded: Loaded | None = None
         self._chip: TimeMachine | None = None
-        self._stop_on_entry = True
+        self._runs_at_first: bool | None = None
+        """None: as it does already."""
         self._later: list[Message] | None = None
         """While a request is answered: the events that follow the answer."""
         self._armed: dict[str, list[Armed]] = {}
@@ -92,6 +123,7 @@ class DebugSession:
         self._requests: dict[str, Callable[[Body], Body | None]] = {
             "initialize": self._initialize,
             "launch": self._launch,
+            "attach": self._attach,
             "restart": self._restart,
             "setBreakpoints": self._set_breakpoints,
             "setFunctionBreakpoints": self._set_function_breakpoints,
@@ -107,6 +139,8 @@ class DebugSession:
             "setExpression": lambda given: self._set(str(given["expression"]), str(given["value"])),
             "disassemble": self._disassemble,
             "readMemory": self._read_memory,
+            "writeMemory": self._write_memory,
+            "source": self._source_text,
             "continue": self._continue,
             "reverseContinue": self._reverse_continue,
             "next": self._next,
@@ -118,10 +152,30 @@ class DebugSession:
             "terminate": self._end,
         }
 
+    @property
+    def armed(self) -> list[Armed]:
+        """Return what stops the chip."""
+        return [each for group in self._armed.values() for each in group]
+
+    def debug(self, loaded: Loaded, chip: TimeMachine) -> None:
+        """Debug a chip that another one runs, too: `running` is what both know of it."""
+        self._loaded, self._chip = loaded, chip
+
     # Requests
 
     def handle(self, request: Message) -> None:
-        """Answer a request; what is wrong is an answer, too."""
+        """Answer a request, or have it answered by who debugs the program that is attached to."""
+        if self._elsewhere is None:
+            self._answer(request)
+        elif request.get("command") in ("disconnect", "terminate"):
+            self._elsewhere.close()
+            self._elsewhere = None
+            self._answer(request)
+        if self._elsewhere is not None and not self._elsewhere.send(request):
+            self._elsewhere = None
+
+    def _answer(self, request: Message) -> None:
+        """Answer a request; what is wrong is an answer, too. One to attach is answered elsewhere."""
         command = str(request.get("command"))
         answer: Message = {"type": "response", "request_seq": request.get("seq"), "command": command}
         given = request.get("arguments")
@@ -131,10 +185,12 @@ class DebugSession:
             if command not in self._requests:
                 raise InputError("unknown-command", f"'{command}' is not a request of this debugger")
             body = self._requests[command](given if isinstance(given, dict) else {})
-        except (ServogenError, KeyError, TypeError, ValueError) as error:
+        except (ServogenError, LookupError, TypeError, ValueError) as error:
             text = _told(error) if isinstance(error, ServogenError) else f"a wrong argument: {error!r}"
             answer |= {"success": False, "message": text, "body": _error(text)}
         else:
+            if self._elsewhere is not None:
+                return
             answer |= {"success": True, "body": body or {}}
             self._after(command)
         self._later = None
@@ -143,36 +199,30 @@ class DebugSession:
 
     def _after(self, command: str) -> None:
         """Add the events that follow an answer."""
-        if command == "initialize":
-            self._event("initialized")
+        if command in ("launch", "attach"):  # from now on there is a program to have breakpoints in
+            self.event("initialized")
         if command in ("configurationDone", "restart") and not self.running:
-            self._stopped("entry")
+            self.stopped("entry")
         if command in ("next", "stepIn", "stepOut", "stepBack") and self._chip is not None:
-            self._stopped("step")
-        if command in ("disconnect", "terminate"):
-            self._event("terminated")
-            self.ended = True
+            self.stopped("step")
+        if command == "terminate":  # the editor disconnects then
+            self.event("terminated")
+        self.ended = command == "disconnect"
 
     def run_on(self) -> None:
         """Run a slice of time; stop at a breakpoint."""
         chip = self._need_chip()
         end = chip.now + chip.clock.round_seconds(SLICE_S)
-        hit = next_stop(chip, end, self._all_armed(), self._log)
+        hit = next_stop(chip, end, self.armed, self.log)
         if hit is not None:
             self.running = False
-            self._stopped("breakpoint", hit.text)
+            self.stopped("breakpoint", hit.text)
 
     def _initialize(self, given: Body) -> Body:
         return dict(CAPABILITIES)
 
     def _launch(self, given: Body) -> None:
-        unknown = sorted(key for key in given if key not in LAUNCH_KEYS and not key.startswith("_"))
-        known = ("name", "type", "request", "noDebug", "internalConsoleOptions", "preLaunchTask")
-        unknown = [key for key in unknown if key not in known]
-        if unknown:
-            raise InputError(
-                "unknown-key", f"launch: unknown key '{unknown[0]}'", hint=", ".join(LAUNCH_KEYS)
-            )
+        _check_keys("launch", given, LAUNCH_KEYS)
         if not isinstance(given.get("program"), str):
             raise InputError("missing-key", "launch: 'program' is not the path of a HEX, C or assembly file")
         path = Path(given["program"])
@@ -185,10 +235,18 @@ class DebugSession:
         if held:
             stimulus = Stimuli((*held, *(stimulus.sources if stimulus else ())))
         self._loaded = Loaded(path, replace(program, clock=clock), options, stimulus)
-        self._stop_on_entry = bool(given.get("stopOnEntry", True))
+        self._runs_at_first = bool(given.get("noDebug")) or not given.get("stopOnEntry", True)
         for remark in program.remarks:
-            self._log(str(remark))
+            self.log(str(remark))
         self._power_up()
+
+    def _attach(self, given: Body) -> None:
+        """Debug the chip of a running page, here if it is, or where it is."""
+        _check_keys("attach", given, ATTACH_KEYS)
+        if self._chip is None and self._connect is None:
+            raise InputError("not-allowed", "there is no running program to attach to")
+        if self._chip is None and self._connect is not None:
+            self._elsewhere = self._connect(str(given.get("url", "")), self._send)
 
     def _power_up(self) -> None:
         loaded = self._need_loaded()
@@ -198,7 +256,10 @@ class DebugSession:
 
     def _restart(self, given: Body) -> None:
         self.running = False
-        self._power_up()
+        if self._runs_at_first is None:  # whose the chip is has its past
+            self._need_chip().seek(0)
+        else:
+            self._power_up()
 
     def _set_breakpoints(self, given: Body) -> Body:
         source = str(given.get("source", {}).get("path") or given.get("source", {}).get("name"))
@@ -239,7 +300,8 @@ class DebugSession:
         return {"breakpoints": answers}
 
     def _configuration_done(self, given: Body) -> None:
-        self.running = not self._stop_on_entry
+        if self._runs_at_first is not None:
+            self.running = self._runs_at_first
 
     def _stack_trace(self, given: Body) -> Body:
         chip = self._need_chip()
@@ -266,9 +328,24 @@ class DebugSession:
         return frame
 
     def _source(self, found: ListedLine) -> Body:
+        """Return where a line's file is; one that is not on the disk (a job's C) is asked for by number."""
         beside = self._need_loaded().path.parent / found.file
-        path = Path(found.file) if Path(found.file).is_file() else beside
-        return {"name": Path(found.file).name, "path": str(path.resolve())}
+        for path in (Path(found.file), beside):
+            if path.is_file():
+                return {"name": path.name, "path": str(path.resolve())}
+        return {"name": Path(found.file).name, "sourceReference": 1 + self._texts().index(found.file)}
+
+    def _texts(self) -> list[str]:
+        """Return the files whose lines the listing knows."""
+        return sorted({file for file, _ in self._need_chip().lines})
+
+    def _source_text(self, given: Body) -> Body:
+        listing = self._need_loaded().listing
+        file = self._texts()[int(given["sourceReference"]) - 1]
+        texts = dict(listing.sources) if listing else {}
+        if file not in texts:
+            raise InputError("unknown-name", f"{file}: its text is not known")
+        return {"content": texts[file]}
 
     def _function(self, address: int) -> str:
         listing = self._need_loaded().listing
@@ -284,8 +361,7 @@ class DebugSession:
         names = (("Pins", PINS_OF), ("Registers", REGISTERS), ("Variables", VARIABLES), ("EEPROM", EEPROM))
         return {
             "scopes": [
-                {"name": name, "variablesReference": number, "expensive": False, "memoryReference": "ram"}
-                for name, number in names
+                {"name": name, "variablesReference": number, "expensive": False} for name, number in names
             ]
         }
 
@@ -296,10 +372,15 @@ class DebugSession:
             VARIABLES: self._variables_shown,
             EEPROM: self._eeprom_shown,
         }
-        rows = shown[int(given["variablesReference"])]()
-        return {
-            "variables": [{"name": name, "value": value, "variablesReference": 0} for name, value in rows]
-        }
+        scope = int(given["variablesReference"])
+        rows: list[Body] = [
+            {"name": name, "value": value, "variablesReference": 0} for name, value in shown[scope]()
+        ]
+        for row in rows if scope != EEPROM else ():  # to be watched, and what is in RAM seen as bytes
+            row["evaluateName"] = row["name"]
+            if scope == VARIABLES:
+                row["memoryReference"] = f"0x{variable(row['name'], self._need_loaded().listing).address:02X}"
+        return {"variables": rows}
 
     def _pins_shown(self) -> list[tuple[str, str]]:
         machine = self._need_chip().machine
@@ -378,14 +459,25 @@ class DebugSession:
             found = line_at(self._need_chip(), address) if 0 <= address < PROGRAM_WORDS else None
             if found is not None:
                 row |= {"location": self._source(found), "line": found.line}
+            if not 0 <= address < PROGRAM_WORDS:
+                row["presentationHint"] = "invalid"
             rows.append(row)
         return {"instructions": rows}
 
     def _read_memory(self, given: Body) -> Body:
-        """Return bytes of RAM; offsets count from its first byte."""
-        begin = int(given.get("offset") or 0)
-        ram = self._need_chip().machine.ram[max(0, begin) :][: int(given["count"])]
-        return {"address": f"0x{RAM_FIRST + begin:02X}", "data": base64.b64encode(ram).decode()}
+        """Return bytes of RAM, as far as they are, and how many are beyond it."""
+        begin, count, ram = _ram_address(given), int(given["count"]), self._need_chip().machine.ram
+        data = ram[begin - RAM_FIRST :][:count] if begin >= RAM_FIRST else b""
+        answer: Body = {"address": f"0x{begin:02X}", "data": base64.b64encode(data).decode()}
+        return answer | ({"unreadableBytes": count - len(data)} if len(data) < count else {})
+
+    def _write_memory(self, given: Body) -> Body:
+        begin, data = _ram_address(given), base64.b64decode(str(given["data"]), validate=True)
+        if not RAM_FIRST <= begin <= begin + len(data) - 1 <= RAM_LAST:
+            raise InputError("out-of-range", f"RAM is from 0x{RAM_FIRST:02X} to 0x{RAM_LAST:02X}")
+        for place, byte in enumerate(data):
+            self._need_chip().poke(begin + place, byte)
+        return {"bytesWritten": len(data)}
 
     # Running
 
@@ -397,11 +489,11 @@ class DebugSession:
     def _pause(self, given: Body) -> None:
         if self.running:
             self.running = False
-            self._stopped("pause")
+            self.stopped("pause")
 
     def _reverse_continue(self, given: Body) -> None:
-        hit = back_to(self._need_chip(), self._all_armed())
-        self._stopped("breakpoint" if hit else "entry", hit.text if hit else "power-up")
+        hit = back_to(self._need_chip(), self.armed)
+        self.stopped("breakpoint" if hit else "entry", hit.text if hit else "power-up")
 
     def _step_in(self, given: Body) -> None:
         chip = self._need_chip()
@@ -457,22 +549,26 @@ class DebugSession:
 
     # Events
 
-    def _stopped(self, reason: str, text: str = "") -> None:
+    def stopped(self, reason: str, text: str = "") -> None:
+        """Tell the editor that the chip stands, and why."""
         body = {"reason": reason, "threadId": THREAD, "allThreadsStopped": True}
-        self._event("stopped", {**body, "description": text, "text": text} if text else body)
+        self.event("stopped", {**body, "description": text, "text": text} if text else body)
 
-    def _log(self, text: str) -> None:
-        self._event("output", {"category": "console", "output": text + "\n"})
+    def continued(self) -> None:
+        """Tell the editor that another one has let the chip run."""
+        self.event("continued", {"threadId": THREAD, "allThreadsContinued": True})
 
-    def _event(self, name: str, body: Mapping[str, object] | None = None) -> None:
+    def log(self, text: str) -> None:
+        """Print a line in the editor."""
+        self.event("output", {"category": "console", "output": text + "\n"})
+
+    def event(self, name: str, body: Mapping[str, object] | None = None) -> None:
+        """Send an event; while a request is answered, after the answer."""
         message = {"type": "event", "event": name, "body": dict(body or {})}
         if self._later is None:
             self._send(message)
         else:
             self._later.append(message)
-
-    def _all_armed(self) -> list[Armed]:
-        return [each for group in self._armed.values() for each in group]
 
     def _need_chip(self) -> TimeMachine:
         if self._chip is None:
@@ -483,6 +579,17 @@ class DebugSession:
         if self._loaded is None:
             raise InputError("missing-option", "nothing is debugged yet: the first request is 'launch'")
         return self._loaded
+
+
+def _check_keys(request: str, given: Body, allowed: Sequence[str]) -> None:
+    """Raise InputError for a key of a configuration that nobody knows."""
+    for key in sorted(given):
+        if key not in (*allowed, *EDITOR_KEYS) and not key.startswith("_"):
+            raise InputError("unknown-key", f"{request}: unknown key '{key}'", hint=", ".join(allowed))
+
+
+def _ram_address(given: Body) -> int:
+    return int(given["memoryReference"], 16) + int(given.get("offset") or 0)
 
 
 def _pin(name: str) -> int:

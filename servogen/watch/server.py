@@ -35,6 +35,7 @@ from servogen.debug.time_machine import Repetition
 from servogen.errors import ServogenError
 from servogen.report.viewer import viewer_module
 from servogen.template_files import template_folder
+from servogen.watch.debugging import Debugging
 from servogen.watch.editing import Editor
 from servogen.watch.live_line import LiveLine
 from servogen.watch.session import Message, WatchSession, repetition_of
@@ -70,6 +71,10 @@ FILES: Mapping[str, str] = MappingProxyType(
 VIEWER = "viewer.js"
 """The module that is joined from several files, as in pages without a server."""
 
+DEBUGGER = "dap"
+"""The socket of an editor, in each room's folder."""
+SOCKETS = ("socket", DEBUGGER)
+
 TYPES = {"html": "text/html", "css": "text/css", "js": "text/javascript"}
 
 Load = Callable[[Callable[[str], None]], Subject]
@@ -92,6 +97,13 @@ class Window:
     socket: ServerConnection | None = None
     unwanted: dict[str, Event] = field(default_factory=dict)
     """What ends a check or a build that goes on for this window."""
+    debugging: Debugging | None = None
+    """The editor that is attached."""
+
+    @property
+    def alive(self) -> bool:
+        """Return whether its time passes."""
+        return self.socket is not None or self.debugging is not None
 
     def end_work(self, *kinds: str) -> None:
         """End the work of some kinds: "check", "save", "build"."""
@@ -128,7 +140,7 @@ class Room:
     @property
     def watched(self) -> bool:
         """Return whether a window is open."""
-        return any(window.socket is not None for window in self._windows.values())
+        return any(window.alive for window in self._windows.values())
 
     def start(self) -> None:
         """Begin to load the subject."""
@@ -238,12 +250,38 @@ class Room:
     def tick(self, elapsed: float) -> None:
         """Let the simulated time of every running window pass."""
         for window in list(self._windows.values()):
-            if window.session is not None and window.socket is not None:
+            if window.session is not None and window.alive:
                 self._answer(window, _guarded(window.session, lambda s: s.tick(elapsed)))
 
     def _answer(self, window: Window, messages: Iterator[Message]) -> None:
         for message in messages:
             self._send(window, message)
+        if window.debugging is not None and not window.debugging.follow(window.session):
+            window.debugging = None
+
+    async def debug(self, socket: ServerConnection) -> None:
+        """Serve an editor, which debugs the program of the window that was opened last, until either ends."""
+
+        def send(message: Message) -> None:
+            self._begin(_sent(socket, json.dumps(message)))
+
+        opened = (each for each in reversed(self._windows.values()) if each.socket is not None)
+        window = next(opened, Window())
+        debugging = Debugging(window.session, send)
+        if debugging.session is not None:
+            window.debugging = debugging
+        try:
+            async for text in socket:
+                await asyncio.sleep(0)
+                message = debugging.handle(dict(_request(text)))
+                if message is not None:
+                    self._send(window, message)
+        except ConnectionClosed:
+            pass
+        finally:
+            debugging.end()
+            if window.debugging is debugging:
+                window.debugging = None
 
     async def serve(self, socket: ServerConnection) -> None:
         """Serve one window until it is closed. Its session stays, for when it is loaded again."""
@@ -287,7 +325,7 @@ class Room:
                 session.come_back(place)
             window = Window(session)
             name = secrets.token_urlsafe(12)
-            self._windows[name] = window
+        self._windows[name] = self._windows.pop(name, window)  # the last one opened is the last one
         window.socket = socket
         self._forget()
         self._send(window, {"is": "window", "name": name})
@@ -301,7 +339,7 @@ class Room:
         return window
 
     def _forget(self) -> None:
-        closed = [name for name, window in self._windows.items() if window.socket is None]
+        closed = [name for name, window in self._windows.items() if not window.alive]
         gone = closed[: max(0, len(self._windows) - MAX_SESSIONS)]
         for name in gone:
             del self._windows[name]
@@ -405,7 +443,7 @@ class WatchServer:
         if socket:
             return (
                 None
-                if file == "socket" and folder in self._rooms
+                if file in SOCKETS and folder in self._rooms
                 else _plain(connection, HTTPStatus.NOT_FOUND, "There is no such socket.\n")
             )
         page = self._pages.get(unquote(name))
@@ -435,10 +473,14 @@ class WatchServer:
         return not socket and headers.get("Sec-Fetch-Site") in ("none", "same-origin")
 
     async def _window(self, socket: ServerConnection) -> None:
-        """Serve one window of a room, which is loaded when the first one is opened."""
+        """Serve one window of a room, which is loaded when the first one is opened, or an editor."""
         assert socket.request is not None
         path, _, _ = socket.request.path.partition("?")
-        room = self._rooms[path.removeprefix("/").partition("/")[2].rpartition("/")[0]]
+        folder, _, file = path.removeprefix("/").partition("/")[2].rpartition("/")
+        room = self._rooms[folder]
+        if file == DEBUGGER:
+            await room.debug(socket)
+            return
         if not room.started and not self._may_start():
             room.refuse(socket, f"{MAX_ROOMS} programs are open: close one of them and load this page again")
             await socket.wait_closed()

@@ -23,7 +23,9 @@ from typing import Any
 
 import numpy as np
 
-from servogen.debug.breakpoints import AtEdge, Breakpoint, first_stop, parse_breakpoint, run_to
+from servogen.dap import DebugSession
+from servogen.dap.breakpoints import Armed, next_stop
+from servogen.debug.breakpoints import AtEdge, Breakpoint, first_stop, parse_breakpoint
 from servogen.debug.pins import explain_pin
 from servogen.debug.symbols import current_line, line_at
 from servogen.debug.time_machine import Repetition, TimeMachine
@@ -133,12 +135,15 @@ class WatchSession:
         self.bodies: LiveBodies | None = None
         """The physics of the robot; None if the window does not show it."""
         self.breakpoints: list[Breakpoint] = []
+        self.editor: DebugSession | None = None
+        """The debugger of an editor at the same chip, whose breakpoints stop it, too."""
         self.outside = [UNDRIVEN] * (MCLR_PIN + 1)
         """The level at which the user holds each pin."""
         self._due = 0.0
         self._since_full = 0.0
         self._since_waves = 0.0
-        self._stopped = ""
+        self.stopped = ""
+        """The breakpoint, or the reason, for which it stands."""
         self._line_free = 0
         self._period = _period(subject)
         self._sight = (0, 4 * self._period)
@@ -224,8 +229,8 @@ class WatchSession:
             yield _problem(f"unknown request {str(message.get('do'))[:40]!r}")
             return
         try:
-            if self._way is not None and message.get("do") not in UNDISTURBING:
-                self._arrive()  # where it is now: what is asked for begins there
+            if message.get("do") not in UNDISTURBING:
+                self.arrive()
             yield from action(self, message)
         except ServogenError as error:
             sentences = " ".join(diagnostic.sentence for diagnostic in error.diagnostics)
@@ -287,16 +292,19 @@ class WatchSession:
             self._stop("the end of the recording")
 
     def _advance(self, cycles: int) -> None:
-        assert self.chip is not None and self.subject.image is not None
+        assert self.chip is not None
         chunks: list[EdgeChunk] = []
-        hit = run_to(self.chip, self.now + cycles, self.breakpoints, self.subject.image, chunks)
+        armed, log = [Armed(each) for each in self.breakpoints], _unheard
+        if self.editor is not None:
+            armed, log = armed + self.editor.armed, self.editor.log
+        hit = next_stop(self.chip, self.now + cycles, armed, log, chunks)
         self._take(join(chunks))
         if hit is not None:
             self._stop(hit.text)
 
     def _stop(self, why: str) -> None:
         self.running = False
-        self._stopped = why
+        self.stopped = why
         self._due = 0.0
 
     def _go(self, cycle: int) -> None:
@@ -316,17 +324,33 @@ class WatchSession:
         going = {"is": "going", "share": self.now / max(1, self._goal), "cycle": self._goal}
         assert self._way is not None
         far = self._goal - self.now > self.subject.clock.round_seconds(FAR_S)
-        if self.learning and far and self.chip is not None and not self.chip.inputs:
+        if self.learning and far and self.chip is not None and self.chip.touched == inf:
             return going
         for _ in self._way:
             if time.monotonic() >= end:
                 return going | {"share": self.now / max(1, self._goal)}
-        self._arrive()
+        self.arrive()
         return self.shown()
 
-    def _arrive(self) -> None:
-        self._way = None
+    @property
+    def on_the_way(self) -> bool:
+        """Return whether a moment is being gone to."""
+        return self._way is not None
+
+    def arrive(self) -> None:
+        """End the way to a moment where it is now: what is asked for next begins there."""
+        if self._way is not None:
+            self._way = None
+            self._look_back()
+
+    def moved(self, *, running: bool) -> Message:
+        """Go on from where an editor has left the chip, and return the moment."""
+        self._stop("")
+        self.running = running
+        if self.bodies is not None:
+            self.bodies.forget(self.now)
         self._look_back()
+        return self.shown()
 
     def _take(self, edges: EdgeChunk) -> None:
         """Take the edges that were made up to now."""
@@ -391,7 +415,7 @@ class WatchSession:
             self._since_full = 0.0
             message |= {
                 "speed": self.speed,
-                "stopped": self._stopped,
+                "stopped": self.stopped,
                 "breakpoints": [breakpoint.text for breakpoint in self.breakpoints],
             }
             if self.chip is not None:
@@ -456,7 +480,7 @@ class WatchSession:
     def _do_run(self, message: Mapping[str, Any]) -> Iterator[Message]:
         speed = message.get("speed", self.speed)
         self.speed = None if speed is None else min(MAX_SPEED, max(MIN_SPEED, float(speed)))
-        self.running, self._stopped = bool(message.get("running", True)), ""
+        self.running, self.stopped = bool(message.get("running", True)), ""
         self._since_waves = SCOPE_S  # what is in sight fits the new speed at once
         yield self.shown()
 
@@ -473,12 +497,12 @@ class WatchSession:
             pin = message.get("pin")
             pins = frozenset() if pin is None else frozenset((int(pin),))
             if not self._step_edge(forwards, pins):
-                self._stopped = f"no edge within {EDGE_S} s" if forwards else "no edge before this one"
+                self.stopped = f"no edge within {EDGE_S} s" if forwards else "no edge before this one"
         elif self.chip is None:
             raise InputError("not-allowed", "a recording has edges and frames, but no instructions")
         elif what == "line":
             if not self.chip.step_line(forwards):
-                self._stopped = "there is no other line"
+                self.stopped = "there is no other line"
         else:
             self.chip.step(count)
         self._look_back()
@@ -724,7 +748,7 @@ class WatchSession:
     def knows(self, repetition: Repetition | None) -> None:
         """Take what the program does again and again, unless something has been done to its pins."""
         self.learning = False
-        if self.chip is not None and not self.chip.inputs:
+        if self.chip is not None and self.chip.touched == inf:
             self.chip.repetition = repetition
             if self._way is not None:
                 self._way = self.chip.going(self._goal)
@@ -838,6 +862,10 @@ def _mark(warning: Diagnostic) -> Message:
         "file": place.file if place else None,
         "line": line,
     }
+
+
+def _unheard(text: str) -> None:
+    """Take what the breakpoints of a page, which have no messages, would print."""
 
 
 def _check_baud(baud: Fraction) -> None:

@@ -49,8 +49,8 @@ def editor(tmp_path: Path) -> Iterator[Editor]:
     (tmp_path / "main.c").write_text(SOURCE)
     editor = Editor(tmp_path)
     editor.until("initialize")
+    editor.ask("launch", {"program": "main.c", "stopOnEntry": True, "presentation": {"order": 1}})
     editor.until("InitializedEvent")
-    editor.ask("launch", {"program": "main.c", "stopOnEntry": True})
     yield editor
     assert editor.close() == 0
 
@@ -154,8 +154,17 @@ def test_memory_registers_and_machine_code(editor: Editor) -> None:
     asked = {"memoryReference": "0x000", "instructionCount": 3}
     rows = editor.ask("disassemble", asked)["instructions"]
     assert [row["address"] for row in rows] == ["0x000", "0x001", "0x002"]
-    memory = editor.ask("readMemory", {"memoryReference": "ram", "offset": 0, "count": 4})
-    assert memory["address"] == "0x0C"
+    memory = editor.ask("readMemory", {"memoryReference": "0x4E", "offset": 1, "count": 4})
+    assert (memory["address"], memory["data"], memory["unreadableBytes"]) == ("0x4F", "AA==", 3)
+    (turns,) = (
+        each
+        for each in editor.ask("variables", {"variablesReference": 3})["variables"]
+        if each["name"] == "turns"
+    )
+    editor.ask("writeMemory", {"memoryReference": turns["memoryReference"], "data": "Kg=="})
+    assert value(editor, turns["evaluateName"]) == "42"
+    above = editor.ask("disassemble", {**asked, "instructionOffset": -2})["instructions"]
+    assert [row.get("presentationHint") for row in above] == ["invalid", "invalid", None]
 
 
 def test_a_pause_stops_an_endless_run(editor: Editor) -> None:

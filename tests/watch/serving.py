@@ -54,6 +54,10 @@ class Running:
         self._thread.join(10)
         assert not self._thread.is_alive()
 
+    @property
+    def running(self) -> bool:
+        return self._thread.is_alive()
+
     def get(self, path: str, **headers: str) -> tuple[int, str, dict[str, str]]:
         """Ask as a browser does that a person gave the address, unless `headers` say otherwise."""
         connection = http.client.HTTPConnection(self.host, timeout=60)
@@ -75,10 +79,10 @@ class Running:
             proxy=None,
         )
 
-    def handshake(self, room: str = "", **headers: str) -> int:
+    def handshake(self, room: str = "", socket: str = "socket", **headers: str) -> int:
         """Return the status of the answer to a request for a socket with these headers."""
         status, _, _ = self.get(
-            f"/{self.token}/{room}socket",
+            f"/{self.token}/{room}{socket}",
             Sec_Fetch_Site="",
             Upgrade="websocket",
             Connection="Upgrade",

@@ -1,0 +1,82 @@
+"""An editor at a window's chip: it and the page control the same program, and each sees what the other does.
+
+In: an editor's requests (Debug Adapter Protocol), and what the page has done since. Out: answers and events
+for the editor, and what the window shows then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Never
+
+from servogen.dap import DebugSession, Loaded
+from servogen.errors import InputError
+from servogen.programs import Program
+from servogen.watch.session import Message, WatchSession
+
+
+class Debugging:
+    """A debugging session at a window's chip, which the window's clock runs."""
+
+    def __init__(self, session: WatchSession | None, send: Callable[[Message], None]) -> None:
+        """Debug what a window shows; where it cannot be debugged, the editor's `attach` is told why."""
+        self.session: WatchSession | None = None
+        if session is None:
+            why = "no page shows a program yet: open the address in a browser first"
+        elif session.editor is not None:
+            why = "another editor debugs the program of this page"
+        else:
+            why = "the page shows a recording, which has no chip"
+
+        def refuse(url: str, send: Callable[[Message], None]) -> Never:
+            raise InputError("not-allowed", f"attach: {why}")
+
+        self._editor = DebugSession(send, connect=refuse)
+        if session is None or session.editor is not None or session.chip is None:
+            return
+        subject = session.subject
+        assert subject.image is not None
+        program = Program(subject.image, subject.listing)
+        self._editor.debug(Loaded(subject.path, program, subject.options, subject.stimuli), session.chip)
+        self.session, session.editor = session, self._editor
+        self._told = session.running, session.now
+
+    def handle(self, request: Message) -> Message | None:
+        """Answer a request; return what the window shows then, if that is something else."""
+        session, editor = self.session, self._editor
+        if session is None or session.chip is None:
+            editor.handle(request)
+            return None
+        session.arrive()
+        before = session.now, session.running, session.chip.machine.state(), session.chip.inputs
+        editor.running = session.running
+        editor.handle(request)
+        self._told = editor.running, session.now
+        if before == (session.now, editor.running, session.chip.machine.state(), session.chip.inputs):
+            return None
+        return session.moved(running=editor.running)
+
+    def follow(self, shown: WatchSession | None) -> bool:
+        """Tell the editor what the page has done; return False where the page shows another program."""
+        session = self.session
+        if session is None:
+            return True
+        if shown is not session:
+            self._editor.log("the page shows another program: attach again")
+            self._editor.event("terminated")
+            self.end()
+            return False
+        if session.on_the_way:
+            return True
+        told, self._told = self._told, (session.running, session.now)
+        if session.running and not told[0]:
+            self._editor.continued()
+        elif not session.running and told != self._told:
+            self._editor.stopped("breakpoint" if session.stopped else "pause", session.stopped)
+        return True
+
+    def end(self) -> None:
+        """Leave the program to the page alone."""
+        if self.session is not None:
+            self.session.editor = None
+            self.session = None

@@ -1,0 +1,133 @@
+"""`attach`: an editor and the page of `servogen watch` at one chip, over the page's own server."""
+
+from __future__ import annotations
+
+import json
+import queue
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("websockets", reason="the server is of the extra watch")
+
+from websockets.sync.client import ClientConnection
+
+from servogen.dap import DebugSession
+from servogen.dap.running_page import RunningPage
+from servogen.watch.subject import Setting, load_subject
+from tests.watch.serving import Running
+
+SOURCE = """ list p=16f84a
+ cblock 0x0C
+turns
+ endc
+start incf turns, f
+ movf turns, w
+ goto start
+ end
+"""
+
+
+class Editor:
+    """An adapter in this process, and what it has sent."""
+
+    def __init__(self, url: str) -> None:
+        self._came: queue.Queue[dict[str, Any]] = queue.Queue()
+        self.adapter = DebugSession(self._came.put, connect=RunningPage)
+        self.attached = self.ask("attach", url=url)
+
+    def ask(self, command: str, **arguments: object) -> dict[str, Any]:
+        self.adapter.handle({"type": "request", "seq": 1, "command": command, "arguments": arguments})
+        return self.until(lambda message: message.get("command") == command)
+
+    def event(self, name: str) -> dict[str, Any]:
+        body: dict[str, Any] = self.until(lambda message: message.get("event") == name)["body"]
+        return body
+
+    def until(self, wanted: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        while not wanted(message := self._came.get(timeout=30)):
+            pass
+        return message
+
+    @property
+    def cycle(self) -> int:
+        frame = self.ask("stackTrace", threadId=1)["body"]["stackFrames"][0]
+        return int(frame["name"].split("cycle ")[1].split(",")[0])
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[Running]:
+    (tmp_path / "main.asm").write_text(SOURCE)
+    server = Running(lambda progress: load_subject(tmp_path / "main.asm", Setting(), progress))
+    yield server
+    if server.running:
+        server.stop()
+
+
+@pytest.fixture
+def page(server: Running) -> Iterator[ClientConnection]:
+    with server.socket() as page:
+        page.send("{}")
+        shown(page)
+        yield page
+
+
+def shown(page: ClientConnection) -> dict[str, Any]:
+    """The next whole moment that the page shows."""
+    while "chip" not in (message := json.loads(page.recv(timeout=30))) or message["is"] != "now":
+        pass
+    return dict(message)
+
+
+def test_the_editor_and_the_page_are_at_one_moment_of_one_chip(
+    server: Running, page: ClientConnection
+) -> None:
+    editor = Editor(server.server.url)
+    assert editor.attached["success"]
+    editor.event("initialized")
+    given = {"source": {"path": "main.asm"}, "breakpoints": [{"line": 6, "hitCondition": "3"}]}
+    assert editor.ask("setBreakpoints", **given)["body"]["breakpoints"][0]["verified"]
+    editor.ask("configurationDone")
+    editor.event("stopped")
+    editor.ask("continue", threadId=1)
+    assert editor.event("stopped")["reason"] == "breakpoint"
+    assert editor.ask("evaluate", expression="turns")["body"]["result"] == "3"
+    while (moment := shown(page))["running"]:
+        pass
+    assert moment["cycle"] == editor.cycle == 2 * 4 + 1
+    page.send('{"do": "step", "what": "instruction", "count": -2}')
+    assert editor.event("stopped")["reason"] == "pause"
+    assert editor.cycle == 2 * 4 - 2 == shown(page)["cycle"]
+    editor.ask("setVariable", name="turns", value="9", variablesReference=3)
+    moment = shown(page)
+    assert (moment["chip"]["ram"][:2], moment["intervened"]) == ("09", 6)
+    editor.ask("disconnect")
+    page.send('{"do": "run"}')
+    assert shown(page)["running"], "the program goes on without the editor"
+
+
+def test_what_the_page_lets_run_the_editor_can_pause_and_a_closed_server_ends_it(
+    server: Running, page: ClientConnection
+) -> None:
+    editor = Editor(server.server.url)
+    page.send('{"do": "run"}')
+    editor.event("continued")
+    editor.ask("pause", threadId=1)
+    assert editor.event("stopped")["reason"] == "pause"
+    assert "another editor" in Editor(server.server.url).attached["message"]
+    server.stop()
+    editor.event("terminated")
+
+
+def test_nobody_attaches_without_the_address_that_the_person_was_given(server: Running) -> None:
+    for url, why in (
+        (f"http://{server.host}/wrong/", "403"),
+        ("http://example.org:80/token/", "not a page on this machine"),
+        ("http://127.0.0.1:x/", "not a page on this machine"),
+        (server.server.url, "open the address in a browser first"),
+    ):
+        attached = Editor(url).attached
+        assert not attached["success"] and why in attached["message"]
+    assert server.handshake(Origin="http://example.org", socket="dap") == 403
