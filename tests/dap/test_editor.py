@@ -1,10 +1,9 @@
-"""`servogen dap` driven by a client that nobody here wrote: a C program forwards and backwards."""
+"""The debug adapter driven by a client that nobody here wrote: a C program forwards and backwards."""
 
 from __future__ import annotations
 
 import io
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,30 +12,10 @@ from servogen.dap import DebugSession, ProtocolError, read_message, written
 
 pytest.importorskip("dap", reason="the client is of the extra dev")
 
-from tests.dap.client import Editor
+from tests.dap.client import Editor, in_thread
+from tests.dap.exchange import FOLDER, SESSION, exchanged
 
-SOURCE = """#include <xc.h>
-#pragma config FOSC = XT, WDTE = OFF, PWRTE = ON, CP = OFF
-#define _XTAL_FREQ 4000000
-unsigned char turns;
-unsigned char twice(unsigned char value)
-{
-    PORTBbits.RB1 = 1;
-    return value + value;
-}
-void main(void)
-{
-    unsigned char sum = 0;
-    TRISB = 0x00;
-    PORTB = 0;
-    while (1) {
-        turns++;
-        sum = twice(turns);
-        PORTB = sum;
-        __delay_us(100);
-    }
-}
-"""
+SOURCE = (FOLDER / "main.c").read_text()
 
 
 def line_of(text: str) -> int:
@@ -45,14 +24,13 @@ def line_of(text: str) -> int:
 
 
 @pytest.fixture
-def editor(tmp_path: Path) -> Iterator[Editor]:
-    (tmp_path / "main.c").write_text(SOURCE)
-    editor = Editor(tmp_path)
+def editor() -> Iterator[Editor]:
+    editor = in_thread()
     editor.until("initialize")
-    editor.ask("launch", {"program": "main.c", "stopOnEntry": True, "presentation": {"order": 1}})
+    editor.ask("launch", {"program": str(FOLDER / "main.c"), "presentation": {"order": 1}})
     editor.until("InitializedEvent")
     yield editor
-    assert editor.close() == 0
+    editor.close()
 
 
 def frames(editor: Editor) -> list[Any]:
@@ -67,16 +45,14 @@ def value(editor: Editor, name: str) -> str:
     return str(editor.ask("evaluate", {"expression": name})["result"])
 
 
-def go(editor: Editor, command: str, **more: object) -> Any:
-    editor.client.send_request(command, {"threadId": 1, **more})
-    editor.until(command)
-    return editor.until("StoppedEvent")
-
-
 def armed(editor: Editor, *breakpoints: dict[str, object]) -> list[bool]:
     given = {"source": {"path": "main.c"}, "breakpoints": list(breakpoints)}
     answer = editor.ask("setBreakpoints", given)
     return [each["verified"] for each in answer["breakpoints"]]
+
+
+def test_the_session_in_the_documentation_is_what_a_client_and_the_adapter_say() -> None:
+    assert exchanged() == SESSION.read_text()
 
 
 def test_forwards_and_back_to_the_same_cycle(editor: Editor) -> None:
@@ -86,13 +62,13 @@ def test_forwards_and_back_to_the_same_cycle(editor: Editor) -> None:
     assert editor.until("StoppedEvent").reason == "entry"
     stops = []
     for turn in range(1, 4):
-        assert go(editor, "continue").reason == "breakpoint"
+        assert editor.go("continue").reason == "breakpoint"
         assert frames(editor)[0]["line"] == line and value(editor, "turns") == str(turn)
         stops.append(cycle(editor))
     for turn in (2, 1):
-        assert go(editor, "reverseContinue").reason == "breakpoint"
+        assert editor.go("reverseContinue").reason == "breakpoint"
         assert value(editor, "turns") == str(turn) and cycle(editor) == stops[turn - 1]
-    assert go(editor, "reverseContinue").reason == "entry"
+    assert editor.go("reverseContinue").reason == "entry"
     assert cycle(editor) == 0
 
 
@@ -101,24 +77,24 @@ def test_steps_in_over_out_and_back(editor: Editor) -> None:
     armed(editor, {"line": call})
     editor.client.configuration_done()
     editor.until("StoppedEvent")
-    go(editor, "continue")
+    editor.go("continue")
     before = cycle(editor)
-    go(editor, "stepIn")
+    editor.go("stepIn")
     inside = frames(editor)
     assert inside[0]["name"].startswith("twice") and inside[1]["name"] == "main"
     assert value(editor, "RB1") == "0"
     lines = [frames(editor)[0]["line"]]
     while value(editor, "RB1") == "0" and len(lines) < 4:
-        go(editor, "next")
+        editor.go("next")
         lines.append(frames(editor)[0]["line"])
     assert line_of("PORTBbits.RB1") in lines and value(editor, "RB1") == "1"
-    go(editor, "stepOut")
+    editor.go("stepOut")
     assert frames(editor)[0]["name"].startswith("main")
-    go(editor, "stepBack", granularity="instruction")
+    editor.go("stepBack", granularity="instruction")
     while frames(editor)[0]["line"] != call or cycle(editor) > before:
-        go(editor, "stepBack")
+        editor.go("stepBack")
     assert cycle(editor) == before
-    go(editor, "next")
+    editor.go("next")
     assert frames(editor)[0]["line"] == line_of("PORTB = sum") and len(frames(editor)) == 1
 
 
@@ -127,18 +103,22 @@ def test_conditions_hits_pins_and_messages(editor: Editor) -> None:
     armed(editor, {"line": line, "condition": "turns == 5"})
     editor.client.configuration_done()
     editor.until("StoppedEvent")
-    go(editor, "continue")
+    editor.go("continue")
     assert value(editor, "turns") == "5"
+    armed(editor, *({"line": line, "condition": f"turns == {turn}"} for turn in (7, 6)))
+    for turn in ("6", "7"):
+        editor.go("continue")
+        assert value(editor, "turns") == turn, "each of two at one place stops"
     armed(editor, {"line": line, "hitCondition": "3"})
-    go(editor, "continue")
-    assert value(editor, "turns") == "8"
+    editor.go("continue")
+    assert value(editor, "turns") == "10"
     armed(editor, {"line": line, "logMessage": "turn {turns}"})
     given = {"breakpoints": [{"name": "RB5 rise"}, {"name": "twice", "condition": "turns > 200"}]}
     answer = editor.ask("setFunctionBreakpoints", given)
     assert all(each["verified"] for each in answer["breakpoints"])
     editor.client.send_request("continue", {"threadId": 1})
     editor.until("continue")
-    assert editor.until("OutputEvent").output == "turn 9\n"
+    assert editor.until("OutputEvent").output == "turn 11\n"
     assert editor.until("StoppedEvent").reason == "breakpoint"
     assert value(editor, "RB5") == "1"
     assert "is an output" in value(editor, "why RB5")
@@ -232,20 +212,20 @@ def test_messages_survive_the_wire() -> None:
 def test_what_is_set_holds_forwards_and_backwards_and_not_before(editor: Editor) -> None:
     assert armed(editor, {"line": line_of("sum = twice")}) == [True]
     editor.ask("configurationDone", {})
-    go(editor, "continue")
-    go(editor, "continue")
+    editor.go("continue")
+    editor.go("continue")
     assert value(editor, "turns") == "2"
     before = cycle(editor)
     answer = editor.ask("setVariable", {"variablesReference": 3, "name": "turns", "value": "0x28"})
     assert answer["value"] == "40" and value(editor, "turns") == "40"
-    go(editor, "continue")
+    editor.go("continue")
     assert value(editor, "turns") == "41" and value(editor, "PORTB") == f"{2 * 40} (0x50)"
-    go(editor, "reverseContinue")
+    editor.go("reverseContinue")
     assert (cycle(editor), value(editor, "turns")) == (before, "40")
-    go(editor, "reverseContinue")
+    editor.go("reverseContinue")
     assert value(editor, "turns") == "1"
-    go(editor, "continue")
-    go(editor, "continue")
+    editor.go("continue")
+    editor.go("continue")
     assert value(editor, "turns") == "41", "the change is part of the past"
 
 
@@ -253,7 +233,7 @@ def test_a_pin_and_w_are_set_and_what_cannot_be_is_told(editor: Editor) -> None:
     editor.ask("configurationDone", {})
     assert editor.ask("setExpression", {"expression": "W", "value": "0b101"})["value"] == "5 (0x05)"
     editor.ask("setExpression", {"expression": "RA0", "value": "1"})
-    go(editor, "next")
+    editor.go("next")
     assert value(editor, "RA0") == "1"
     for name, wrong, why in (
         ("turns", "256", "up to 255"),

@@ -8,6 +8,7 @@ from typing import Any
 from servogen.dap import DebugSession
 from servogen.pic.assembler import assemble
 from servogen.pic.image import to_hex
+from servogen.programs import Program
 
 SOURCE = """ list p=16f84a
  cblock 0x0C
@@ -75,3 +76,15 @@ def test_names_of_another_program_are_reported_to_the_editor(tmp_path: Path) -> 
     _, sent = session_of(tmp_path, SYMBOLS.replace("maintext 0 7", "maintext 0 9"))
     (output,) = (message["body"]["output"] for message in sent if message.get("event") == "output")
     assert "main.sym: warning: is of another program than main.hex" in output
+
+
+def test_a_source_that_is_not_on_the_disk_is_asked_of_the_adapter(tmp_path: Path) -> None:
+    made, sent = assemble(SOURCE, "made.asm"), list[dict[str, Any]]()
+    session = DebugSession(sent.append, lambda path, device: Program(made.image, made.listing))
+    ask(session, "launch", program="job.toml")
+    source = top(session, sent)["source"]
+    assert source["name"] == "made.asm" and "path" not in source
+    ask(session, "source", sourceReference=source["sourceReference"])
+    assert sent[-1]["body"]["content"] == SOURCE
+    ask(session, "source", sourceReference=9)
+    assert not sent[-1]["success"]
