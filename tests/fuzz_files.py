@@ -37,6 +37,8 @@ import typer
 
 from servogen.cli.app import app
 from servogen.errors import ServogenError
+from servogen.pic.image import to_hex
+from tests.pic import symbol_files
 
 UsageError: type[Exception] = typer.BadParameter.__mro__[1]
 """What typer raises for a wrong command line."""
@@ -303,6 +305,15 @@ KINDS: Mapping[str, Kind] = {
         texts(READINGS),
         [("calibrate", str(JOBS / "lab8-program.toml"), "--readings", "{file}", "-o", "{folder}/made.toml")],
     ),
+    **{
+        suffix: Kind(
+            suffix,
+            lambda raw=raw: [raw],
+            [("simulate", "{folder}/mutant.hex", "--cycles", "100", "--json")],
+            beside={"mutant.hex": lambda: to_hex(symbol_files.image_of()).encode()},
+        )
+        for suffix, raw in symbol_files.BESIDE.items()
+    },
     "transform": Kind(".txt", texts(*TRANSFORMS), [("transform", "{text}", "1", "2", "3")]),
 }
 

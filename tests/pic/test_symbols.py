@@ -13,112 +13,24 @@ from servogen.debug.symbols import line_at, variable
 from servogen.debug.time_machine import TimeMachine
 from servogen.grade import Submission
 from servogen.inputs import MAX_TEXT_BYTES
-from servogen.pic.assembler import assemble
 from servogen.pic.image import Image, to_hex
 from servogen.programs import Program, read_program, read_submission
 from servogen.testing.chip import Board, Chip
 from servogen.units import Clock
+from tests.pic.symbol_files import (
+    BESIDE,
+    CMF,
+    COF,
+    MAP,
+    ROWS,
+    SOURCE,
+    SYM,
+    cod_of,
+    elf_of,
+    image_of,
+)
 
 needs_gpasm = pytest.mark.skipif(shutil.which("gpasm") is None, reason="gpasm is not installed")
-
-SOURCE = """\
-        list p=16f84a
-        cblock 0x0C
-duty
-count:2
-        endc
-        org 0
-main    movlw 42
-        movwf duty
-loop    call delay
-        goto loop
-delay   movlw 7
-        movwf count
-        return
-        end
-"""
-ROWS = {0: 7, 1: 8, 2: 9, 3: 10, 4: 11, 5: 12, 6: 13}
-"""The line of each word in SOURCE, counted by hand."""
-
-SYM = """\
-_main 0 0 CODE 0
-__end_of_main 4 0 CODE 0
-_delay 4 0 CODE 0
-__end_of_delay 7 0 CODE 0
-__pmaintext 0 0 CODE 0
-_PORTB 6 0 ABS 0
-btemp 4E 0 ABS 0
-_fixed 20 0 ABS 0
-_duty C 0 BANK0 1
-_count D 0 BANK0 1
-delay@n 10 0 BANK0 1
-??_delay 11 0 BANK0 1
-___sp 0 0 STACK 2
-intlevel0 0 0 ENTRY 0
-%segments
-maintext 0 D CODE 0 0
-bssBANK0 C E BANK0 C 1
-cstackBANK0 F 12 BANK0 F 1
-%locals
-dist/default/production\\startup.o
-dist/default/production\\main.o
-C:\\Users\\a user\\main.c
-12 0 0 CODE 0
-13 2 0 CODE 0
-l77 2 0 CODE 0
-20 4 0 CODE 0
-"""
-"""What XC8 writes, for a C program with the words of SOURCE."""
-
-MAP = """\
-gplink-1.4.0 #1107 (Jan  1 2021)
-Map File - Created 11-28-2026  00:42:11
-
-                                 Section Info
-                  Section       Type    Address   Location Size(Bytes)
-                ---------  ---------  ---------  ---------  ---------
-                   code_m       code   0x000000    program   0x00000e
-                udata_s_0      udata   0x00000c       data   0x000003
-
-                              Program Memory Usage
-                               Start         End
-                           ---------   ---------
-                            0x000000    0x000006
-                            7 program addresses used
-
-                              Symbols - Sorted by Name
-                     Name    Address   Location    Storage File
-                ---------  ---------  ---------  --------- ---------
-                   _count   0x00000d       data     static main.asm
-                   _delay   0x000004    program     static main.asm
-                    _duty   0x00000c       data     extern main.asm
-                    _main   0x000000    program     extern main.asm
-"""
-"""What gplink writes for SDCC."""
-
-
-def image_of(source: str = SOURCE) -> Image:
-    return assemble(source).image
-
-
-def cod_of(image: Image) -> bytes:
-    """A .cod with two variables, a label and the line of each word, block by block as gputils has it."""
-    directory, words, names, lines, symbols = (bytearray(512) for _ in range(5))
-    directory[0] = 1
-    for at, first in ((430, 2), (434, 3), (462, 4)):
-        directory[at] = directory[at + 2] = first
-    for address, word in image.program.items():
-        words[2 * address : 2 * address + 2] = word.to_bytes(2, "little")
-    names[:9] = b"\x08prog.asm"
-    rows = [(0xFF, 1, 0), (0x90, 6, 0), *((0x80, line, address) for address, line in ROWS.items())]
-    for index, (flags, line, address) in enumerate(rows):
-        lines[6 * index : 6 * index + 6] = bytes([0, flags, line, 0, address, 0])
-    at = 0
-    for name, kind, value in ((b"duty", 2, 0x0C), (b"count", 2, 0x8D), (b"delay", 46, 4), (b"w", 47, 0x10)):
-        entry = bytes([len(name)]) + name + kind.to_bytes(2, "little") + value.to_bytes(4, "big")
-        symbols[at : at + len(entry)] = entry
-        at += len(entry)
-    return b"".join(map(bytes, (directory, words, names, lines, symbols)))
 
 
 def read(folder: Path, beside: dict[str, bytes | str], image: Image | None = None) -> Program:
@@ -221,7 +133,7 @@ def test_what_gplink_writes_names_static_variables_and_lines_of_all_files(tmp_pa
         run_by_tool(tmp_path, "gpasm", "-c", f"{name}.asm")
     run_by_tool(tmp_path, "gplink", "-m", "-o", "prog.hex", "one.o", "two.o")
     program = read_program(tmp_path / "prog.hex")
-    assert program.remarks == () and program.names == ("prog.cod", "prog.map")
+    assert program.remarks == () and program.names == ("prog.map", "prog.cod")
     assert program.listing is not None
     assert {name: size for name, (_, size) in variables(program).items()} == {"duty": 1, "count": 2}
     places = {(Path(row.file or "").name, row.line) for row in program.listing.rows}
@@ -279,23 +191,54 @@ def test_the_map_of_sdcc_gives_names_without_its_prefix(tmp_path: Path) -> None:
     assert dict(program.listing.labels) == {"main": 0, "delay": 4}
 
 
+def test_the_cof_of_gplink_gives_lines_labels_and_bytes_of_ram(tmp_path: Path) -> None:
+    (tmp_path / "linked.asm").write_bytes((Path(__file__).parent / "linked.asm").read_bytes())
+    program = read(tmp_path, {".cof": COF})
+    assert program.listing is not None and program.remarks == ()
+    assert variables(program) == {"duty": (0x0C, 1), "count": (0x0D, 2)}
+    assert dict(program.listing.labels) == {"main": 0, "loop": 2, "delay": 4}
+    assert {row.address: row.line for row in program.listing.rows} == ROWS
+    assert [Path(name).name for name, _ in program.listing.sources] == ["linked.asm"]
+
+
+@pytest.mark.parametrize(("suffix", "content"), [(".elf", elf_of(image_of())), (".cmf", CMF.encode())])
+def test_the_elf_and_the_cmf_of_xc8_say_what_its_symbols_do(
+    tmp_path: Path, suffix: str, content: bytes
+) -> None:
+    """RB0 is no byte of RAM, although its value, 0x30, is the address of one."""
+    program = read(tmp_path, {suffix: content})
+    assert program.listing is not None and program.remarks == ()
+    assert variables(program) == {"duty": (0x0C, 1), "count": (0x0D, 2)}
+    functions = [(each.name, each.start, each.end) for each in program.listing.functions]
+    assert functions == [("main", 0, 4), ("delay", 4, 7)]
+    assert [row.line for row in program.listing.rows] == [12, 12, 13, 13, 20, 20, 20]
+    assert {row.file for row in program.listing.rows} == {"main.c"}
+
+
+def test_symbols_that_do_not_say_where_all_words_are_are_left_out(tmp_path: Path) -> None:
+    """pic-as writes no segments for absolute sections, but their lines."""
+    program = read(tmp_path, {".sym": SYM.replace("maintext 0 D CODE 0 0\n", ""), ".cmf": CMF})
+    assert program.names == ("prog.cmf",) and program.remarks == ()
+
+
 def test_a_map_of_another_tool_is_not_read(tmp_path: Path) -> None:
     program = read(tmp_path, {".map": "Microchip MPLAB XC8 Compiler V2.41\n"})
     assert program.listing is None and program.remarks == ()
 
 
-def test_names_of_another_program_are_refused_with_the_first_difference(tmp_path: Path) -> None:
-    """One bit of one word differs: the .cod, which holds the words, is not of this program."""
+@pytest.mark.parametrize("suffix", [".cod", ".cof", ".elf"])
+def test_names_of_another_program_are_refused_with_the_first_difference(tmp_path: Path, suffix: str) -> None:
+    """One bit of one word differs: a file that holds the words is not of this program."""
     other = Image({**image_of().program, 4: image_of().program[4] ^ 1})
-    program = read(tmp_path, {".cod": cod_of(image_of())}, other)
+    program = read(tmp_path, {suffix: BESIDE[suffix]}, other)
     assert program.image.program == other.program and program.listing is None
     (warning,) = program.remarks
     assert warning.severity == "warning" and warning.code == "names-other-program"
     assert "0x004 is 0x3007 there and 0x3006" in warning.message
-    assert warning.location is not None and warning.location.file == str(tmp_path / "prog.cod")
+    assert warning.location is not None and warning.location.file == str(tmp_path / f"prog{suffix}")
 
 
-@pytest.mark.parametrize(("suffix", "content"), [(".map", MAP), (".sym", SYM)])
+@pytest.mark.parametrize(("suffix", "content"), [(".map", MAP), (".sym", SYM), (".cmf", CMF)])
 def test_names_of_a_program_of_another_length_are_refused(tmp_path: Path, suffix: str, content: str) -> None:
     words = dict(image_of().program)
     longer = read(tmp_path, {suffix: content}, Image({**words, 7: 0x0008}))
@@ -323,6 +266,9 @@ def test_a_file_that_fits_is_used_beside_one_that_does_not(tmp_path: Path) -> No
         (".map", MAP[: MAP.index("Symbols")], 16),
         (".map", "gplink-1.4.0", 1),
         (".sym", "", 1),
+        (".cmf", CMF.replace(" >13:", " 13:"), 13),
+        (".cmf", CMF.replace("_duty C 0 BANK0 1 ", "_duty C 0 BANK0 "), 21),
+        (".cmf", CMF[: CMF.index("%SPLITSTAB")], 22),
     ],
 )
 def test_a_damaged_text_is_a_warning_that_names_the_line(
@@ -354,12 +300,19 @@ def test_a_damaged_cod_is_a_warning(tmp_path: Path, at: int | None, value: bytes
     assert problem in program.remarks[0].message
 
 
+@pytest.mark.parametrize("suffix", [".cof", ".elf"])
+def test_a_file_that_is_cut_off_is_a_warning(tmp_path: Path, suffix: str) -> None:
+    program = read(tmp_path, {suffix: BESIDE[suffix][:200]})
+    assert program.listing is None
+    assert [warning.code for warning in program.remarks] == ["names-damaged"]
+    assert "incomplete" in program.remarks[0].message
+
+
 def test_no_damage_stops_the_program_from_being_read(tmp_path: Path) -> None:
     rng = random.Random(84)
-    files: dict[str, bytes] = {".cod": cod_of(image_of()), ".map": MAP.encode(), ".sym": SYM.encode()}
     for _ in range(25):
         damaged: dict[str, bytes | str] = {}
-        for suffix, raw in files.items():
+        for suffix, raw in BESIDE.items():
             changed = bytearray(raw[: rng.randrange(len(raw) + 1)] if rng.random() < 0.5 else raw)
             for _ in range(rng.randrange(4) if changed else 0):
                 changed[rng.randrange(len(changed))] = rng.randrange(256)

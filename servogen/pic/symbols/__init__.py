@@ -17,9 +17,12 @@ from servogen.pic.image import Image
 from servogen.pic.listing import ListedFunction, Listing, ListingRow, routines
 from servogen.pic.spelling import assembly_text, cycles_text
 from servogen.pic.symbols.cod import read_cod
-from servogen.pic.symbols.gpasm_lst import is_gpasm_lst, read_gpasm_lst
-from servogen.pic.symbols.gplink_map import is_gplink_map, read_gplink_map
+from servogen.pic.symbols.coff import read_coff
+from servogen.pic.symbols.gpasm_lst import read_gpasm_lst
+from servogen.pic.symbols.gplink_map import read_gplink_map
 from servogen.pic.symbols.names import ProgramNames
+from servogen.pic.symbols.xc8_cmf import read_xc8_cmf
+from servogen.pic.symbols.xc8_elf import read_xc8_elf
 from servogen.pic.symbols.xc8_sym import read_xc8_sym
 
 SOURCE_SUFFIXES = (".c", ".h", ".asm", ".inc", ".s", ".as", ".src", ".lst")
@@ -61,27 +64,22 @@ def names_beside(path: Path, image: Image) -> Beside:
     return Beside(listing, tuple(files), tuple(warnings))
 
 
-def _map(raw: bytes, file: str) -> ProgramNames | None:
-    text = raw.decode("latin-1")
-    return read_gplink_map(text, file) if is_gplink_map(text) else None
-
-
-def _lst(raw: bytes, file: str) -> ProgramNames | None:
-    text = raw.decode("latin-1")
-    return read_gpasm_lst(text, file) if is_gpasm_lst(text) else None
-
-
-def _sym(raw: bytes, file: str) -> ProgramNames | None:
-    return read_xc8_sym(raw.decode("latin-1"), file)
+def _text(read: Callable[[str, str], ProgramNames | None]) -> Callable[[bytes, str], ProgramNames | None]:
+    return lambda raw, file: read(raw.decode("latin-1"), file)
 
 
 READERS: Mapping[str, Callable[[bytes, str], ProgramNames | None]] = {
+    ".elf": read_xc8_elf,
+    ".cof": read_coff,
+    ".cmf": _text(read_xc8_cmf),
+    ".sym": _text(read_xc8_sym),
+    ".map": _text(read_gplink_map),
     ".cod": read_cod,
-    ".map": _map,
-    ".sym": _sym,
-    ".lst": _lst,
+    ".lst": _text(read_gpasm_lst),
 }
-"""The readers, by the suffix of their files; None from a file of another tool."""
+"""The readers, by the suffix of their files; None from a file of another tool. The first that gives a size or
+lines is believed.
+"""
 
 
 def _existing(path: Path, suffix: str) -> Path | None:
@@ -115,7 +113,7 @@ def _listing(known: Sequence[ProgramNames], image: Image, folder: Path) -> Listi
     prefix = "_" if any(name == "_main" for name, _ in labels) else ""
     sizes: dict[tuple[int, str], int] = {}
     for address, name, size in (each for names in known for each in names.variables):
-        sizes[address, name] = max(size, sizes.get((address, name), 0))
+        sizes.setdefault((address, name), size)
     places, sources = _sources(next((names.lines for names in known if names.lines), {}), folder)
     rows = tuple(_rows(image, places))
     placed = sorted(((name.removeprefix(prefix), at) for name, at in labels), key=lambda each: each[::-1])

@@ -24,13 +24,12 @@ _ENTRY = re.compile(r"\s*(?P<name>[A-Za-z_]\w*)\s*(:[^;,]*)?(;.*)?")
 """A line within CBLOCK with one name; EQU has more text."""
 
 
-def is_gpasm_lst(text: str) -> bool:
-    """Return whether a .lst is of these assemblers: others' have other columns."""
-    return text.lstrip("\f\r\n ").startswith(SIGNATURES)
-
-
-def read_gpasm_lst(text: str, file: str) -> ProgramNames:
-    """Return what a listing says. Raises InputError if it has no words."""
+def read_gpasm_lst(text: str, file: str) -> ProgramNames | None:
+    """Return what a listing says; None for one of another assembler, which has other columns. Raises
+    InputError if it has no words.
+    """
+    if not text.lstrip("\f\r\n ").startswith(SIGNATURES):
+        return None
     words: dict[int, int | None] = {}
     labels: dict[str, int] = {}
     variables, lines = set(), {}

@@ -14,18 +14,17 @@ SIGNATURES = ("gplink", "MPLINK")
 SECTIONS, PROGRAM, SYMBOLS = "Section Info", "Program Memory Usage", "Symbols"
 """The headings of the tables; the symbols come twice, by name and by address."""
 _PLACE = r"\s+0x(?P<at>[0-9a-f]{1,8})\s+(?P<where>program|data)\s+"
-_SECTION = re.compile(rf"\s*\S+\s+\w+{_PLACE}0x(?P<size>[0-9a-f]{{1,8}})", re.IGNORECASE)
+_SECTION = re.compile(rf"\s*\S.{{0,999}}?\s\w+{_PLACE}0x(?P<size>[0-9a-f]{{1,8}})", re.IGNORECASE)
 _SYMBOL = re.compile(rf"\s*(?P<name>\S+){_PLACE}(?:static|extern)\b", re.IGNORECASE)
 _RULE = re.compile(r"[\s-]*|\s*(?:Section|Name|Start)\s.*")
 
 
-def is_gplink_map(text: str) -> bool:
-    """Return whether a .map is of these linkers: XC8's and others' have nothing that is read."""
-    return text.lstrip().startswith(SIGNATURES)
-
-
-def read_gplink_map(text: str, file: str) -> ProgramNames:
-    """Return what a map file says. Raises InputError that names the line."""
+def read_gplink_map(text: str, file: str) -> ProgramNames | None:
+    """Return what a map file says; None for one of XC8 or another linker. Raises InputError that names the
+    line.
+    """
+    if not text.lstrip().startswith(SIGNATURES):
+        return None
     words: dict[int, int | None] = {}
     sections, labels, found = [], set(), set()
     table = ""
