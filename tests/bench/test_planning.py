@@ -19,21 +19,6 @@ def test_with_rle_a_level_is_two_words_and_so_is_each_full_count() -> None:
     assert words_of_frame(Fraction(10_000_000), True, FRAME, Fraction(2)) == 4 + Fraction(400_000, 32_768)
 
 
-def test_a_look_has_the_wanted_frames_and_the_one_it_begins_in() -> None:
-    """101 frames of 4 + 1.2207 words and 4 to spare are 531.3; asked for in fours."""
-    planned = plan(24 * 1024, 1_000_000, True, one_servo(100))
-    assert (planned.words, planned.frames) == (532, 100)
-
-
-def test_a_look_may_take_as_long_as_the_fewest_edges_need_to_fill_the_words() -> None:
-    assert plan(24 * 1024, 1_000_000, True, one_servo(100)).seconds == Fraction(532, 4) * FRAME
-
-
-def test_too_little_for_one_frame_is_refused_with_the_arithmetic() -> None:
-    with pytest.raises(InputError, match=r"12288 words, and a frame of 20 ms at 1000000 .* 20000 samples"):
-        plan(24 * 1024, 1_000_000, False, one_servo(1))
-
-
 def test_too_little_for_what_is_wanted_says_how_long_it_can_be() -> None:
     """(12288 - 9.2207) / 5.2207 = 2351.9"""
     with pytest.raises(InputError, match="hold 2351 frames") as error:

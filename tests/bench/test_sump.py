@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from servogen.bench.analysers import sump
 from servogen.bench.analysers.sump import channel_of, wires
-from servogen.bench.analysers.sump_client import SampleRequest, capture, metadata
+from servogen.bench.analysers.sump_client import SampleRequest, capture
 from servogen.bench.ports import Port
 from servogen.edges import PINS
 from servogen.errors import InputError
@@ -36,36 +36,14 @@ def test_rle_and_the_wire_lose_nothing(pieces: list[tuple[int, int]], bits: int)
     assert back.end == original.end
 
 
-def test_a_count_says_how_many_samples_more() -> None:
-    assert sump.encode(runs([(5, 4), (6, 1)])).tolist() == [5, 0x8003, 6]
-
-
 def test_a_count_without_its_value_says_nothing() -> None:
     words = np.array([0x8010, 1, 0x8002, 0], dtype=np.uint32)
     found = sump.decode(words, True)
     assert (found.value.tolist(), found.start.tolist(), found.end) == ([1, 0], [0, 3], 4)
 
 
-def test_the_newest_word_is_sent_first_and_its_lowest_byte_before_the_other() -> None:
-    assert sump.to_bytes(np.array([0x0102, 0x0304], dtype=np.uint32)) == b"\x04\x03\x02\x01"
-
-
 def test_a_torn_word_is_left_out() -> None:
     assert sump.from_bytes(b"\x04\x03\x02").tolist() == [0x0304]
-
-
-def test_metadata_that_are_torn_or_unknown_are_left_out() -> None:
-    whole = b"\x01OLS\0\x21\0\0\x60\0\x40\x10\0"
-    assert metadata(whole) == {0x01: "OLS", 0x21: 24576, 0x40: 16}
-    assert metadata(whole[:7]) == {0x01: "OLS"}
-    assert metadata(b"\xff\x01OLS\0") == {}
-    assert metadata(b"") == {}
-
-
-@pytest.mark.parametrize("text", ["RB0", "15=RB0", "0=RC0", "x=RB0", "0="])
-def test_a_wire_that_is_none_is_refused(text: str) -> None:
-    with pytest.raises(InputError):
-        wires([text])
 
 
 def test_a_pin_without_a_channel_is_refused() -> None:

@@ -19,7 +19,6 @@ from servogen.bench.analysers.recording import SampleRecord, check_name, cut, ed
 from servogen.bench.analysers.sump_client import (
     AnalyserDescription,
     SampleRequest,
-    _ended,
     capture,
     identify,
     metadata,
@@ -362,23 +361,3 @@ def test_a_capture_is_written_as_vcd_into_a_directory_that_is_there(tmp_path: Pa
     for check, text in checks:
         with pytest.raises(InputError, match=text):
             check()
-
-
-@pytest.mark.parametrize(
-    ("data", "complete"),
-    [
-        (b"", False),
-        (b"\0", True),
-        (b"\x01ab\0", False),
-        (b"\x01ab\0\0", True),
-        (b"\x01\0", False),  # an empty name
-        (b"\x01\0\0", True),
-        (b"\x21\0\0\0\0", False),
-        (b"\x21\0\0\0\0\0", True),
-        (b"\x40\0", False),
-        (b"\x40\0\0", True),
-        (b"\x60\0", False),  # no kind of key
-    ],
-)
-def test_metadata_end_behind_texts_numbers_and_bytes(data: bytes, complete: bool) -> None:
-    assert _ended(data) == complete

@@ -3,7 +3,6 @@
 import re
 import shutil
 import sys
-from collections.abc import Callable
 from fractions import Fraction
 from importlib.util import find_spec
 from pathlib import Path
@@ -13,21 +12,18 @@ from xml.etree import ElementTree
 
 import pytest
 
-import servogen
-
 # Here, so that the runs inside this process find them and do not load them each anew.
 from servogen.bench.inputs.wiring import input_wiring
 from servogen.bench.virtual.analyser import AnalyserOptions, VirtualAnalyser
 from servogen.bench.virtual.chip import VirtualChip
 from servogen.bench.virtual.k150 import ProgrammerOptions, VirtualProgrammer
-from servogen.edges import EdgeTrace, edge_chunk
+from servogen.edges import edge_chunk
 from servogen.errors import Diagnostic, InputError, ToolError
 from servogen.pic.image import Image
 from servogen.programs import Program
 from servogen.pulse import from_json
 from servogen.testing import plugin
-from servogen.testing.signals import pin_index
-from servogen.testing.targets import InputPorts, SeenPins
+from servogen.testing.targets import InputPorts
 from servogen.traces.captures import capture_writer
 from servogen.twin import TwinSettings
 from servogen.units import Clock, Cycles
@@ -438,25 +434,6 @@ def test_the_bench_is_closed_when_the_run_ends(capsys: pytest.CaptureFixture[str
     assert closed == [True]
 
 
-def test_tests_of_the_bench_are_skipped_without_it_and_without_recordings() -> None:
-    for options, skipped in (
-        ({}, True),
-        ({"servogen_target": "bench"}, False),
-        ({"servogen_replay": "seen"}, False),
-    ):
-        added: dict[str, list[pytest.MarkDecorator]] = {"": [], "marked": []}
-        items: Any = [
-            SimpleNamespace(
-                get_closest_marker=lambda name, own=own: own if name == "servogen_bench" else None,
-                add_marker=marks.append,
-            )
-            for own, marks in added.items()
-        ]
-        plugin.pytest_collection_modifyitems(config(**options), items)
-        assert [mark.name for mark in added["marked"]] == (["skip"] if skipped else [])
-        assert added[""] == []
-
-
 def test_one_bench_serves_the_whole_run_with_its_inputs() -> None:
     options = {
         "servogen_port": "/dev/ttyACM0",
@@ -491,60 +468,6 @@ def test_one_bench_serves_the_whole_run_with_its_inputs() -> None:
         bench(servogen_serial_pin="RC9")
 
 
-def test_a_file_of_a_test_lies_beside_it_or_in_the_root(tmp_path: Path) -> None:
-    beside = tmp_path / "tests"
-    beside.mkdir()
-    given = node(beside, given=config(rootpath=tmp_path))
-    assert plugin._beside(given, Path("a.c")) == tmp_path / "a.c", "which is missing"
-    (tmp_path / "a.c").touch()
-    assert plugin._beside(given, Path("a.c")) == tmp_path / "a.c"
-    (beside / "a.c").touch()
-    assert plugin._beside(given, Path("a.c")) == beside / "a.c"
-
-
-def test_a_mark_names_the_program_and_its_schedule_and_the_command_line_those_of_other_tests(
-    tmp_path: Path,
-) -> None:
-    """A folder has a schedule if there is a schedule.json in it."""
-    built = tmp_path / "built"
-    built.mkdir()
-    mark = SimpleNamespace(args=("built",), kwargs={})
-    for given in (
-        node(tmp_path, mark),
-        node(tmp_path, given=config(rootpath=tmp_path, servogen_build=built)),
-    ):
-        assert plugin._named(given, "image") == built
-        assert plugin._named(given, "schedule") is None
-        (built / "schedule.json").touch()
-        assert plugin._named(given, "schedule") == built / "schedule.json"
-        (built / "schedule.json").unlink()
-    named = node(tmp_path, SimpleNamespace(args=(), kwargs={"image": "a.hex", "seconds": 1}))
-    assert plugin._named(named, "image") == tmp_path / "a.hex"
-    assert plugin._named(named, "schedule") is None
-    assert plugin._named(node(tmp_path), "image") is None
-    for key, text in (("image", "its program"), ("schedule", "its schedule")):
-        with pytest.raises(InputError, match=f"the test does not state {text}") as error:
-            plugin._required(node(tmp_path), key)
-        assert str(error.value.location) == "test_a.py::test_b"
-    with pytest.raises(InputError, match="has no 'secnds'") as error:
-        plugin._mark(node(tmp_path, SimpleNamespace(args=(), kwargs={"secnds": 1})))
-    assert error.value.hint == "did you mean 'seconds'?"
-
-
-def test_a_stimulus_is_a_file_or_the_text_of_one(tmp_path: Path) -> None:
-    text = '[[level]]\npin = "RB1"\nat_us = [0]\nlevel = [1]\n'
-    (tmp_path / "press.toml").write_text(text)
-    (tmp_path / "[[odd.toml").write_text(text)
-    given = node(tmp_path)
-    assert plugin._stimuli(given, None, MHZ4) is None
-    for stimulus in (text, "press.toml", Path("press.toml"), tmp_path / "[[odd.toml"):
-        found = plugin._stimuli(given, stimulus, MHZ4)
-        assert found is not None
-        assert [(change.pin, change.level) for change in found.all_changes(MHZ4)] == [(6, 1)]
-    with pytest.raises(InputError, match=r"test_a\.py::test_b"):
-        plugin._stimuli(given, "[[level]]\n", MHZ4)
-
-
 def test_a_program_is_read_once_for_each_device_and_its_remarks_are_warnings(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -567,64 +490,3 @@ def test_a_program_is_read_once_for_each_device_and_its_remarks_are_warnings(
     assert read == [("a.hex", None), ("a.hex", "PIC16F84A")]
     assert {str(each) for each in warned} == {"servogen: warning: odd [w]"}
     assert plugin._clock(node(tmp_path), None) == MHZ4, "no program is named"
-
-
-def test_what_a_test_states_stands_once_in_its_report(tmp_path: Path) -> None:
-    given = node(tmp_path)
-    for path in (tmp_path / "a" / "b.hex", tmp_path / "a" / "b.hex", Path("/elsewhere/c.hex")):
-        plugin._property(given, "servogen_program", path)
-    assert given.user_properties == [
-        ("servogen_program", "a/b.hex"),
-        ("servogen_program", "/elsewhere/c.hex"),
-    ]
-    (tmp_path / "built").mkdir()
-    (tmp_path / "built" / "main.hex").touch()
-    plugin._tested(given, tmp_path / "built")
-    assert given.user_properties[2:] == [("servogen_program", "built/main.hex")]
-
-
-def test_recordings_have_the_names_of_the_test_and_of_its_chips(tmp_path: Path) -> None:
-    given = node(tmp_path)
-    assert plugin._name(given) == "test_a-test_b-x-y"
-    assert [plugin._chip_name(given, number) for number in range(3)] == [
-        *("test_a-test_b-x-y", "test_a-test_b-x-y-chip2", "test_a-test_b-x-y-chip3"),
-    ]
-    given.stash[plugin.CHIPS] = [SimpleNamespace(seen=["a", "b"]), SimpleNamespace(seen=["c"])]
-    assert plugin._seen_of_chips(given) == [
-        ("test_a-test_b-x-y", "a"),
-        ("test_a-test_b-x-y-2", "b"),
-        ("test_a-test_b-x-y-chip2", "c"),
-    ]
-    assert plugin._seen_of_chips(node(tmp_path)) == []
-    trace = EdgeTrace(MHZ4, (edge_chunk([5], [5], [1]),), Cycles(10))
-    for _ in range(2):
-        path = plugin._write("a", SeenPins(trace, "the chip"), tmp_path / "new" / "folder")
-        assert path == tmp_path / "new" / "folder" / "a.vcd" and path.is_file()
-
-
-def test_waves_that_cannot_be_shown_are_replaced_by_the_reason() -> None:
-    def fail() -> list[str]:
-        raise InputError("out-of-range", "too many edges")
-
-    assert plugin._waves(cast(Any, SimpleNamespace(report=lambda: ["a", "b"]))) == "a\nb"
-    assert "too many edges" in plugin._waves(cast(Any, SimpleNamespace(report=fail)))
-
-
-def test_the_lines_of_servogen_are_removed_from_what_a_chip_reports_and_from_nothing_else() -> None:
-    """Frames: this test, `pin_index` of servogen; an error of Python keeps them."""
-
-    def frames(call: Callable[[], object]) -> list[str]:
-        with pytest.raises(Exception) as raised:
-            call()
-        plugin._show_only_the_test(raised)
-        return [entry.name for entry in pytest.ExceptionInfo.from_exception(raised.value).traceback]
-
-    plugin._show_only_the_test(None)
-    assert Path(servogen.__file__).parent == plugin.PACKAGE
-    assert frames(lambda: pin_index("RB9")) == ["frames", "<lambda>"]
-    assert frames(lambda: pin_index(cast(Any, 7))) == ["frames", "<lambda>", "pin_index"]
-
-
-@pytest.mark.servogen(JOB / "main.hex")
-def test_a_test_gets_the_words_of_its_program(servogen_image: Image) -> None:
-    assert servogen_image.flash() == image_of(JOB / "main.hex").flash()

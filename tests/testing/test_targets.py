@@ -11,11 +11,11 @@ from typing import Any, cast
 
 import pytest
 
-from servogen.bench.inputs.adapter import BoardInput, Close, DrivePin, Send, SerialAdapter
+from servogen.bench.inputs.adapter import BoardInput, Close, DrivePin, Send
 from servogen.bench.inputs.wiring import InputWiring
 from servogen.bench.programmers.table import ProgrammingRequest
 from servogen.edges import EdgeTrace, edge_chunk, join
-from servogen.errors import Diagnostic, InputError, Location, ToolError
+from servogen.errors import InputError, ToolError
 from servogen.pic.image import Image, read_hex
 from servogen.pulse.schedule import from_json
 from servogen.testing import targets
@@ -32,13 +32,12 @@ from servogen.testing.targets import (
     begin,
     check,
     check_inputs,
-    opened,
     record,
     uses_eeprom,
 )
 from servogen.traces import write_edges
 from servogen.units import Clock, Cycles
-from servogen.workflows.verification import checked_cycles, cycle_of, running
+from servogen.workflows.verification import checked_cycles, running
 
 LAB8 = Path(__file__).parents[2] / "firmware" / "lab8-exercise"
 MHZ4 = Clock(4_000_000)
@@ -320,24 +319,6 @@ def test_what_was_seen_is_written_or_copied_with_the_suffix_of_its_file(tmp_path
     assert record(filed, other) == other, "itself"
 
 
-def test_an_end_is_known_of_a_recording_in_vcd_only(monkeypatch: pytest.MonkeyPatch) -> None:
-    """CSV has no end; a recording of this process has one, but is not a file."""
-    told: list[bool] = []
-
-    class Told(Exception):
-        pass
-
-    def judge_file(schedule: object, trace: object, tells_end: bool, hidden: object) -> None:
-        told.append(tells_end)
-        raise Told
-
-    monkeypatch.setattr(targets, "judge_file", judge_file)
-    for file in (Path("a.vcd"), Path("a.VCD"), Path("a.csv"), None):
-        with pytest.raises(Told):
-            check(SeenPins(shown(), "a recording", file=file), cast(Any, None))
-    assert told == [True, True, False, False]
-
-
 def test_what_a_recording_does_not_show_is_not_proven(tmp_path: Path) -> None:
     """The program's edges, with every wire, and without that of a pin that should be silent."""
     schedule = from_json((LAB8 / "schedule.json").read_text(), "schedule.json")
@@ -354,71 +335,6 @@ def test_what_a_recording_does_not_show_is_not_proven(tmp_path: Path) -> None:
         assert seen.hidden == tuple(f"the file has no wire for {pin}" for pin in missing)
 
 
-def test_a_report_has_what_a_capture_measured_of_each_servo() -> None:
-    """Two stitched captures of a chip whose crystal is 180 ppm fast, and one whose clock nobody measured."""
-    width = SimpleNamespace(worst_us=-0.0001)
-    channel = SimpleNamespace(pin=RB0, captured=7, width=width, jitter_us=0.25)
-    of_all: dict[str, Any] = {
-        "word": "exact",
-        "coverage": SimpleNamespace(words=lambda: "all of 3"),
-        "tolerances": SimpleNamespace(words=lambda: "a sample"),
-        "duration_us": 2_500_000.0,
-        "frames": 125,
-        "plan_error": None,
-        "channels": [channel],
-    }
-    capture = SimpleNamespace(**of_all, pieces=[1, 2], ppm=179.96)
-    assert dict(targets._of_capture(cast(Any, capture))) == {
-        "servogen_verdict": "exact",
-        "servogen_different_frames": "all of 3",
-        "servogen_tolerances": "a sample",
-        "servogen_seconds": "2.5",
-        "servogen_frames": "125",
-        "servogen_plan_error": "no plan to compare with",
-        "servogen_captures_stitched": "2",
-        "servogen_crystal_ppm": "180.0",
-        "servogen_RB0_pulses": "7",
-        "servogen_RB0_worst_width_error_us": "0.000",
-        "servogen_RB0_jitter_us": "0.250",
-    }
-    capture = SimpleNamespace(**of_all, pieces=[], ppm=None)
-    found = dict(targets._of_capture(cast(Any, capture)))
-    assert not found.keys() & {"servogen_captures_stitched", "servogen_crystal_ppm"}
-
-
-def test_warnings_count_up_to_the_end_of_what_is_compared(monkeypatch: pytest.MonkeyPatch) -> None:
-    """From the first pulse, at 10, over 90 cycles; a program without a pulse has no end."""
-    counted: list[list[int]] = []
-
-    def verdict(start: int | None) -> Any:
-        def with_warnings(warnings: tuple[Diagnostic, ...], codes: object) -> Any:
-            counted.append([cycle_of(warning) for warning in warnings])
-            return made
-
-        made = SimpleNamespace(
-            start=start,
-            span=SimpleNamespace(compared=90),
-            passed=True,
-            agrees=True,
-            with_warnings=with_warnings,
-        )
-        return made
-
-    for name in ("verdict_lines", "_of_edges"):
-        monkeypatch.setattr(targets, name, lambda verdict: ["said"])
-    warnings = tuple(Diagnostic("warning", "x", "y", Location(cycle=cycle)) for cycle in (5, 99, 100, 500))
-    for start, expected in ((10, [5, 99]), (None, [5, 99, 100, 500])):
-        monkeypatch.setattr(targets, "judge_edges", lambda *given, start=start: verdict(start))
-        found = check(SeenPins(shown(), "the chip", span=Cycles(90), warnings=warnings), cast(Any, None))
-        assert counted.pop() == expected
-        assert (found.passed, found.agrees, found.lines, found.properties) == (
-            True,
-            True,
-            ("said",),
-            ("said",),
-        )
-
-
 def test_the_simulated_chip_warns_of_what_no_chip_guarantees() -> None:
     """BTFSC 0x20, 0 tests RAM that was never written; an endless GOTO 1 or GOTO 2 follows."""
     simulator = Simulator()
@@ -432,30 +348,6 @@ def test_a_capture_is_short_in_messages_and_says_where_it_was_seen() -> None:
     capture = PinCapture(SeenPins(shown(), "the bench"), MHZ4, [])
     assert repr(capture) == "PinCapture(clock=Clock(hz=4000000))"
     assert (capture.source, capture.chip_clock()) == ("the bench", MHZ4)
-
-
-def test_a_serial_adapter_is_opened_where_there_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[object] = []
-
-    @contextmanager
-    def port(path: str, baud: int) -> Iterator[str]:
-        asked.append((path, baud))
-        yield f"port {path}"
-
-    @contextmanager
-    def adapter(path: str, wiring: object, serial: object) -> Iterator[str]:
-        asked.append((path, serial))
-        yield "adapter"
-
-    monkeypatch.setattr(targets, "open_port", port)
-    monkeypatch.setattr(targets, "input_adapter", adapter)
-    for serial, first in (("/dev/ttyUSB1", [("/dev/ttyUSB1", 9600)]), (None, [])):
-        ports = InputPorts("/dev/ttyACM1", InputWiring(), serial, "RB6")
-        with opened(ports) as made:
-            assert made == cast(Any, "adapter")
-        line = SerialAdapter(cast(Any, "port /dev/ttyUSB1"), "RB6") if serial else None
-        assert asked == [*first, ("/dev/ttyACM1", line)]
-        asked.clear()
 
 
 def test_a_bench_opens_its_inputs_once_and_lets_go_of_them(

@@ -12,15 +12,13 @@ import pytest
 from servogen.edges import HIGH, LOW, PINS, EdgeTrace, Expected, ExpectedChannel, ExpectedChunk, edge_chunk
 from servogen.errors import InputError
 from servogen.units import Clock, Cycles
-from servogen.verify.capture import alignment, check
+from servogen.verify.capture import check
 from servogen.verify.capture.alignment import (
     MAX_SLOPE_ERROR,
     FittedLine,
     PairedSignals,
     WholeFrames,
-    _cost,
     _regression,
-    _slope,
     align,
     whole_frames,
 )
@@ -50,89 +48,6 @@ def signals(captured: list[Bounds], scheduled: list[Bounds], **changes: object) 
     return replace(given, **changes)  # type: ignore[arg-type]
 
 
-def slow_cost(given: PairedSignals, anchor: int, slope: float, phase: float, look: int) -> float:
-    """The errors of the first pulses of each channel, one by one, with the anchor at time `phase`."""
-    total = 0.0
-    sample = given.quantum / slope
-    for wanted, got in zip(given.scheduled, given.captured, strict=True):
-        rises, widths = wanted.rise.tolist(), wanted.width.tolist()
-        seen = list(zip(got.rise.tolist(), got.width.tolist(), strict=True))[:look]
-        if not rises:
-            total += given.cap * len(seen)
-            continue
-        begin = end = phase - anchor / slope + given.period / 4
-        fitting = 0
-        for rise, width in seen:
-            away = (rise - anchor) / slope
-            row = min(range(len(rises)), key=lambda each: (abs(rises[each] - phase - away), each))
-            late = abs(rises[row] - phase - away)
-            end = phase + away + given.period / 4
-            if late >= given.period / 4:
-                total += given.cap
-                continue
-            fitting += 1
-            wrong = max(abs(widths[row] - width / slope) - sample, 0)
-            total += min(wrong + max(late - sample - abs(away) / 1000, 0), given.cap)
-        due = sum(begin <= rise < end for rise in rises)
-        total += given.cap * max(due - fitting, 0)
-    return total
-
-
-def drawn(random: Random, count: int, steps: float) -> Bounds:
-    """FramedPulses in about every frame, some of them late, wide or missing, in steps per cycle."""
-    found = []
-    for frame in range(count):
-        rise = 1000 * frame + random.choice((0, 0, 2, 40, 249, 250, 251, 400))
-        if random.random() < 0.8:
-            width = 100 + random.choice((0, 1, 2, 30, 300))
-            found.append((round(steps * rise), round(steps * (rise + width))))
-    return found
-
-
-@pytest.mark.parametrize("cells", [alignment.MAX_CELLS, 7])
-def test_the_cost_of_a_phase_is_the_sum_over_its_pulses(cells: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(alignment, "MAX_CELLS", cells)
-    random = Random(7)
-    for _ in range(12):
-        captured = [drawn(random, random.randint(0, 6), 2.0) for _ in range(2)]
-        scheduled = [drawn(random, random.randint(0, 9), 1.0) for _ in range(2)]
-        given = signals(captured, scheduled)
-        phases = np.array([0.0, 2.0, 1000.0, 1040.0, 3001.5, 7000.0])
-        for look in (1, 3, 48):
-            anchor, slope = random.choice((0, 80, 2500)), random.choice((2.0, 2.01))
-            wanted = [slow_cost(given, anchor, slope, phase, look) for phase in phases.tolist()]
-            found = _cost(given, anchor, slope, phases, look)
-            assert found.tolist() == pytest.approx(wanted, abs=2e-6)
-
-
-def test_the_speed_is_estimated_from_short_gaps_unless_it_is_absurd() -> None:
-    def slope(rises: list[float], other: tuple[float, ...] = ()) -> float:
-        bounds = [[(round(rise), round(rise) + 10) for rise in channel] for channel in (rises, other)]
-        return _slope(signals(bounds, bounds))
-
-    # A frame of 1000 cycles takes 2000 steps by the nominal clock: here two of them take 4040, 1 % more.
-    assert slope([0, 2020, 4040]) == pytest.approx(2.02)
-    # Over both channels: 1 + 2 frames in 2020 + 4000 steps.
-    assert slope([0, 2020], (100, 4100)) == pytest.approx(2 * 6020 / 6000)
-    # Gaps of 20 frames and more may be counted wrong; the others count.
-    assert slope([0, 2020, 2020 + 39_999]) == pytest.approx(2 * (2020 + 39_999) / (21 * 2000))
-    assert slope([0, 2020, 2020 + 40_000]) == pytest.approx(2.02)
-    # A clock that is off by 2 % or more is a wrong period; one pulse tells nothing.
-    assert slope([0, 2039]) == pytest.approx(2.039)
-    assert slope([0, 1961]) == pytest.approx(1.961)
-    assert slope([0, 2040]) == slope([0, 1960]) == slope([0, 900]) == slope([5]) == slope([]) == 2.0
-
-
-def test_the_line_and_its_error_are_those_of_least_squares() -> None:
-    random = Random(3)
-    s = np.array([1e6 * frame + at for frame in range(12) for at in (0, 150)])
-    t = 777 + 2.0004 * s + np.array([random.choice((-3, -1, 0, 2, 4)) for _ in s])
-    (b, a), covariance = np.polyfit(s, t, 1, cov=True)
-    line = _regression(s, t, signals([[]], [[]], quantum=1e-6))
-    assert (line.a, line.b) == pytest.approx((a, b), rel=1e-9)
-    assert line.b_error == pytest.approx(covariance[0, 0] ** 0.5, rel=1e-6)
-
-
 def test_a_speed_that_is_not_known_to_20_ppm_is_the_nominal_one() -> None:
     s = np.array([0.0, 100.0, 1000.0, 1100.0])
     t = 50 + 2.004 * s
@@ -152,33 +67,6 @@ def test_a_speed_that_is_not_known_to_20_ppm_is_the_nominal_one() -> None:
 
 WIDTHS = Random(5).choices(range(100, 400), k=300)
 SCHEDULED: Bounds = [(1000 * frame, 1000 * frame + WIDTHS[frame]) for frame in range(300)]
-
-
-@pytest.mark.parametrize("slope", [2.0, 2.03])
-def test_pulses_that_are_far_from_the_anchor_are_paired_by_the_fitted_speed(slope: float) -> None:
-    """Within the first 250 frames a clock that is off by 1.5 % has lost more than three."""
-    first = 40
-    captured = [
-        (round(slope * (rise - 39_000)), round(slope * (fall - 39_000))) for rise, fall in SCHEDULED[first:]
-    ]
-    line = align(signals([captured], [SCHEDULED], candidates=60_000, length=captured[-1][1] + 500))
-    assert line is not None
-    assert line.b == pytest.approx(slope, rel=1e-6)
-    assert line.steps(39_000) == pytest.approx(0, abs=1)
-
-
-def test_pulses_with_long_pauses_between_them_are_paired_in_a_second_step() -> None:
-    """Pauses tell nothing about the clock: at first it is taken as nominal, which is right for 100 frames."""
-    scheduled = [SCHEDULED[frame] for frame in range(0, 300, 25)]
-    captured = [(round(2.009 * rise + 50), round(2.009 * fall + 50)) for rise, fall in scheduled]
-    given = signals([captured], [scheduled], candidates=1000, length=captured[-1][1] + 500)
-    assert _slope(given) == 2.0
-    line = align(given)
-    assert line is not None
-    times = np.array(scheduled).ravel()
-    # The sample of three steps, not the rounding, limits how well the slope is known: by all edges.
-    assert line.b_error == pytest.approx((9 / 12 / ((times - times.mean()) ** 2).sum()) ** 0.5)
-    assert line.b == pytest.approx(2.009, rel=1e-5)
 
 
 @pytest.mark.parametrize(("candidates", "found"), [(10_000, False), (10_001, True)])
@@ -282,51 +170,6 @@ def capture(rows: list[tuple[int, int, int]], end: int) -> EdgeTrace:
     return EdgeTrace(Clock(16_000_000), (edge_chunk(*zip(*rows, strict=True)),), Cycles(end))
 
 
-def test_both_sides_are_converted_to_one_form() -> None:
-    rows = [(0, RB0, HIGH), (0, RB1, LOW), (150, RB0, LOW), (1800, RB0, HIGH), (1838, RB0, LOW)]
-    rows += [(2100, RB0, HIGH), (2139, RB0, LOW), (3800, RB0, HIGH)]
-    made = check._set_up(
-        schedule(), capture(rows, 4000), Tolerances(glitch_us=9.5), Sampling(0.75, stated=True)
-    )
-    assert (made.end, made.step_us, made.cycle_us) == (4000, 0.25, 0.5)
-    assert (made.connected, made.level[RB0], made.level[RB1]) == ({RB0, RB1}, HIGH, LOW)
-    given = made.signals
-    assert (given.nominal, given.quantum, given.period, given.length) == (2.0, 3.0, 1000, 4000)
-    # An error of at most 50 µs counts for a pulse; it may begin in the lead-in or two loops.
-    assert (given.cap, given.candidates) == (100.0, 8000)
-    # A pulse of 38 steps is no glitch, one of 9.5 µs or 38 steps is the shortest that counts.
-    assert given.captured[0].rise.tolist() == [1800, 2100]
-    assert (given.captured[0].width.tolist(), made.glitches) == ([38, 39], (0, 0))
-    assert given.cut == (CutPulses(True, 150, 3800), UNCUT)
-    longer = check._set_up(
-        schedule(), capture(rows, 4000), Tolerances(glitch_us=9.75), Sampling(0.75, stated=True)
-    )
-    assert (longer.signals.captured[0].rise.tolist(), longer.glitches) == ([2100], (1, 0))
-    # A sample that was only guessed is a microsecond at most, and no sample is shorter than a step.
-    for sample_us, stated, quantum in (
-        (2.0, False, 4.0),
-        (2.0, True, 8.0),
-        (0.1, True, 1.0),
-        (0.5, False, 2.0),
-    ):
-        made = check._set_up(schedule(), capture(rows, 4000), Tolerances(), Sampling(sample_us, stated))
-        assert made.signals.quantum == quantum
-
-
-def test_a_capture_is_compared_with_the_schedule_three_per_cent_beyond_its_length() -> None:
-    """It may begin at the end of the second loop, here at cycle 8000; 1000 steps are 500 cycles."""
-    rows = [(0, RB0, LOW), (900, RB0, HIGH), (950, RB0, LOW)]
-    # The tenth pulse rises at 9000: 1000.6 and 1001.2 cycles beyond the last beginning.
-    for end, frames in ((1943, 9), (1944, 10)):
-        made = check._set_up(
-            schedule(frames=20), capture(rows, end), Tolerances(), Sampling(1.0, stated=True)
-        )
-        assert len(made.signals.scheduled[0].rise) == frames
-    # A pulse that is not over by then ends there.
-    made = check._set_up(schedule(frames=20), capture(rows, 2039), Tolerances(), Sampling(1.0, stated=True))
-    assert made.signals.scheduled[0].fall[-2:].tolist() == [8108, 9050]
-
-
 def test_the_longest_capture_that_is_compared(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(check, "MAX_FRAMES", 5)
     rows = [(0, RB0, LOW), (900, RB0, HIGH), (950, RB0, LOW)]
@@ -335,16 +178,6 @@ def test_the_longest_capture_that_is_compared(monkeypatch: pytest.MonkeyPatch) -
     with pytest.raises(InputError) as raised:
         check._set_up(schedule(), capture(rows, 11_651), Tolerances(), Sampling(1.0, stated=True))
     assert raised.value.message == ("the capture is 6 frames of the schedule long: at most 5 are compared")
-
-
-@pytest.mark.parametrize(("steps", "overlap_us"), [(4, 0.0), (5, 1.25)])
-def test_an_overlap_may_be_as_long_as_a_sample_and_the_tolerance(steps: int, overlap_us: float) -> None:
-    """Samples of 0.75 µs and a tolerance of 0.25 µs: together four steps of 0.25 µs."""
-    rows = [(0, RB0, LOW), (0, RB1, LOW), (100, RB0, HIGH), (300, RB1, HIGH), (300 + steps, RB0, LOW)]
-    trace = capture([*rows, (400, RB1, LOW)], 500)
-    made = check._set_up(schedule(), trace, Tolerances(width_us=0.25), Sampling(0.75, stated=True))
-    assert check._overlap_us(made, FittedLine(0.0, 2.0, None)) == overlap_us
-    assert check._overlap_us(made, None) == 0.0
 
 
 def test_what_a_capture_shows_is_in_its_own_units() -> None:

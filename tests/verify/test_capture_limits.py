@@ -5,18 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from random import Random
 
-import numpy as np
 import pytest
 
-from servogen.edges import HIGH, LOW, PINS, Expected, ExpectedChannel, edge_chunk
+from servogen.edges import PINS, Expected, ExpectedChannel
 from servogen.errors import Diagnostic
 from servogen.units import Clock, Cycles
 from servogen.verify.capture.alignment import (
     FittedLine,
     PairedSignals,
-    WholeFrames,
-    end_errors,
-    whole_frames,
 )
 from servogen.verify.capture.judge import Judged, TimeScale, judge
 from servogen.verify.capture.verdict import (
@@ -32,51 +28,10 @@ from servogen.verify.capture.verdict import (
 from servogen.verify.coverage import Coverage
 from servogen.verify.pulses import CutPulses
 from servogen.verify.verdict import StrayPin
-from servogen.verify.windows import Edges
 from tests.verify.pulses import pulses
 
 RA0, RB0, RB1 = PINS.index("RA0"), PINS.index("RB0"), PINS.index("RB1")
 PERIOD = 1000
-
-
-ARM = pulses((0, 100), (1000, 1200), (3000, 3100))
-
-
-@pytest.mark.parametrize(
-    ("begin", "first"),
-    [
-        *((-1.0, 0), (0.0, 0), (1.0, 1), (50.0, 50), (70.0, 30), (100.0, 0), (101.0, 0)),
-        *((1100.0, 100), (1190.0, 10), (2999.0, 0), (3001.0, 1), (3200.0, 0)),
-    ],
-)
-def test_a_capture_that_begins_low_must_not_begin_inside_a_pulse(begin: float, first: float) -> None:
-    # 10 steps at 2 steps per cycle: it ends 5 cycles later.
-    at = np.array([begin])
-    errors = end_errors(CutPulses(False, None, None), ARM, at, 2.0, 10)
-    assert errors[0].tolist() == [first]
-    again = end_errors(CutPulses(False, None, None), ARM, at - 5, 2.0, 10)
-    assert again[1].tolist() == [first]
-
-
-def test_the_edges_of_cut_pulses_are_compared_with_the_nearest_scheduled_ones() -> None:
-    # Begins at 40 or 60; the first fall is 110 steps, 55 cycles, later: at 95 or 115, scheduled at 100.
-    first, last = end_errors(CutPulses(True, 110, None), ARM, np.array([40.0, 60.0]), 2.0, 300)
-    assert (first.tolist(), last.tolist()) == ([5, 15], [0, 0])
-    # The last rise is 480 cycles after the beginning at 540: at 1020, scheduled at 1000.
-    first, last = end_errors(CutPulses(False, None, 960), ARM, np.array([540.0]), 2.0, 1000)
-    assert (first.tolist(), last.tolist()) == ([0], [20])
-    # Where nothing is scheduled, any edge is wrong.
-    errors = end_errors(CutPulses(True, 1, 2), pulses(), np.array([50.0, 60.0]), 2.0, 10)
-    assert [each.tolist() for each in errors] == [[np.inf, np.inf], [np.inf, np.inf]]
-
-
-def test_a_pin_that_is_high_throughout_must_begin_and_end_inside_a_pulse() -> None:
-    # 10 steps at 2 steps per cycle: from 50 to 55, 97 to 102, 600 to 605, 994 to 999, 3200 to 3205.
-    at = np.array([50.0, 97.0, 600.0, 994.0, 3200.0])
-    first, last = end_errors(CutPulses(True, None, None), ARM, at, 2.0, 10)
-    assert (first.tolist(), last.tolist()) == ([0, 0, 400, 6, 100], [0, 2, 395, 1, 105])
-    never = end_errors(CutPulses(True, None, None), pulses(), at[:1], 2.0, 10)
-    assert [each.tolist() for each in never] == [[np.inf], [np.inf]]
 
 
 CHANNEL = ExpectedChannel("arm", RB0)
@@ -243,15 +198,6 @@ def test_a_verdict_does_not_depend_on_the_lengths_of_steps_and_cycles() -> None:
     assert len(seen) > 10
 
 
-def test_a_nominal_microsecond_is_longer_where_the_chip_is_slower() -> None:
-    # Two steps per cycle of half a microsecond, on a chip that is one per cent slow.
-    line = FittedLine(600.0, 2.02, 1e-9)
-    scale = TimeScale(line, 4.04, 0.25, 0.5, 20_000)
-    assert scale.sample_us == pytest.approx(1.0)
-    assert line.cycles([600.0, 802.0]).tolist() == pytest.approx([0, 100])
-    assert line.steps([0, 100]).tolist() == pytest.approx([600, 802])
-
-
 @pytest.mark.parametrize(("b_error", "drift"), [(None, 300e-6 * END), (1e-3, 4e-3 * END)])
 def test_a_cut_edge_may_be_away_by_a_sample_the_tolerance_and_the_clocks_drift(
     b_error: float | None, drift: float
@@ -281,59 +227,6 @@ def test_a_cut_edge_may_be_away_by_a_sample_the_tolerance_and_the_clocks_drift(
     low = judged(rest, end=4500, line=begun)
     assert text(low) == "RB0 (arm), at the capture's beginning: a pulse that it cuts is missing"
     assert low.mismatches[0].time_us == 0
-
-
-def edges(frames: list[int]) -> Edges:
-    rows = [(1000 * frame + at, RB0, level) for frame in frames for at, level in ((0, HIGH), (100, LOW))]
-    columns = edge_chunk(*zip(*rows, strict=True))
-    return Edges(*columns, np.repeat(np.array(frames, dtype=np.int64), 2))
-
-
-@pytest.mark.parametrize(
-    ("a", "end", "found"),
-    [
-        # Frame 0 rises at step 3 = 2 samples of 1.5, which is too near; then behind it.
-        (3.0, 6000, WholeFrames(1, 4, (103 + 1003) // 2, 6000)),
-        (4.0, 6000, WholeFrames(0, 5, 0, 6000)),
-        # Frame 4 falls at 4104, two samples before the end, which is too near; then one step more.
-        (4.0, 4107, WholeFrames(0, 4, 0, (3104 + 4004) // 2)),
-        (4.0, 4108, WholeFrames(0, 5, 0, 4108)),
-        (-4000.0, 90, None),
-    ],
-)
-def test_a_frame_is_whole_if_its_edges_are_two_samples_inside(
-    a: float, end: int, found: WholeFrames | None
-) -> None:
-    line = FittedLine(a, 1.0, None)
-    shown = whole_frames(edges([0, 1, 2, 3, 4]), line, 1.5, end, 1000)
-    assert shown == found
-    assert found is None or list(found.frames) == list(range(found.first, found.first + found.count))
-
-
-def test_frames_without_edges_are_whole_if_the_capture_has_their_time() -> None:
-    shown = edges([0, 2, 3])  # frame 1 is quiet, and so are frames 4 and 5
-    # It begins at the schedule's 1000, where frame 1 begins; frame 2 rises at step 1000.
-    assert whole_frames(shown, FittedLine(-1000.0, 1.0, None), 1.0, 2800, 1000) == WholeFrames(1, 3, 0, 2800)
-    assert whole_frames(shown, FittedLine(-1001.0, 1.0, None), 1.0, 2800, 1000) == WholeFrames(2, 2, 0, 2800)
-    # Frame 0 is in it as well: the cut lies between its fall and the rise of frame 2.
-    quiet = whole_frames(shown, FittedLine(-50.0, 1.0, None), 1.0, 4949, 1000)
-    assert quiet == WholeFrames(1, 3, (50 + 950) // 2, 4949)
-    longer = whole_frames(shown, FittedLine(-50.0, 1.0, None), 1.0, 4950, 1000)
-    assert longer == WholeFrames(1, 4, (50 + 950) // 2, 4950)
-
-
-@pytest.mark.parametrize("later", [-70, 30, 999])
-def test_the_frames_are_the_same_wherever_the_schedule_counts_from(later: int) -> None:
-    """All edges are some cycles later, and the capture as many cycles, of two steps each, earlier."""
-    for frames in ([0, 2, 3], [0, 1, 2, 3, 4]):
-        shown = edges(frames)
-        moved = shown._replace(cycle=shown.cycle + later)
-        for a in (-2003.0, -101.0, 5.0):
-            for end in (5600, 9899, 11_990):
-                here = whole_frames(shown, FittedLine(a, 2.0, None), 1.0, end, 1000)
-                there = whole_frames(moved, FittedLine(a - 2.0 * later, 2.0, None), 1.0, end, 1000)
-                assert here == there
-                assert here is not None
 
 
 PIECE = CapturePiece(0.0, 2e6, 0, 5, 100.0, 1.0, 5)

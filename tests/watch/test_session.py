@@ -183,21 +183,6 @@ def test_a_window_has_the_inputs_from_its_beginning_to_before_its_end() -> None:
     assert shown == [[], [(500, 0, 1)], [(700, 0, 0)], [(900, 0, 1)]]
 
 
-def test_bytes_wait_for_those_that_are_on_the_line() -> None:
-    """Two bytes at 2400 baud, given at once, take twenty bits of 416.67 µs."""
-    session = WatchSession(Subject(Path("copy.hex"), Clock(4_000_000), image=image(COPY)))
-    answer(session, do="serial", pin="RA1", baud=2400, bytes=[0x55])
-    answer(session, do="serial", pin="RA1", baud=2400, bytes=[0x55])
-    answer(session, do="seek", cycle=20_000)
-    falls = [
-        c
-        for c, pin, level in unpacked(answer(session, do="waves", begin=0, end=20_000)["inputs"], 0)
-        if level == 0
-    ]
-    assert len(falls) == 10
-    assert [round((fall - falls[0]) / (2 * 416.67)) for fall in falls] == list(range(10))
-
-
 def test_the_folder_of_a_build_has_its_clock_and_its_chip() -> None:
     """stream-fast is built for a PIC16F84A with 20 MHz; what the command line names goes first."""
     folder = ROOT / "firmware" / "stream-fast"
@@ -262,15 +247,6 @@ def test_what_is_asked_on_the_way_begins_where_it_is(lab8: Subject) -> None:
     here = session.now
     (shown, *_) = session.tick(0.01)
     assert shown["cycle"] - here == pytest.approx(10_000, abs=3)
-
-
-def test_slow_speeds_add_up(lab8: Subject) -> None:
-    """At 1/100 000 of real time a tenth of a second is one cycle."""
-    session = WatchSession(lab8)
-    answer(session, do="run", running=True, speed=1e-5)
-    for _ in range(40):
-        list(session.tick(0.05))
-    assert session.now in range(19, 23)
 
 
 def test_the_line_that_called_a_routine_is_where_it_runs(tmp_path: Path) -> None:
