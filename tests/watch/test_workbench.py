@@ -25,7 +25,7 @@ from tests.campaigns import sampled
 from tests.watch.browser import Browser, Page
 from tests.watch.serving import Running
 from tests.watch.test_page import LAB8, NO_TRIS, ROOT, Open, copy, go, painted, text, typed, watch  # noqa: F401
-from tests.watch.test_page_stories import stop_job  # noqa: F401 - a fixture
+from tests.watch.test_page_stories import stopped_walk
 
 NODE = shutil.which("node")
 BOX = "(e => { const b = e.getBoundingClientRect(); return [b.left, b.top, b.right, b.bottom]; })"
@@ -43,12 +43,12 @@ def point(page: Page, x: float, y: float) -> None:
 @pytest.mark.parametrize(("width", "height", "code"), sampled([(1280, 800, 12.5), (1920, 1080, 16)]))
 def test_text_robot_waves_and_hands_share_one_screen_that_is_filled(
     watch: Open,  # noqa: F811
-    stop_job: Path,  # noqa: F811
+    tmp_path: Path,
     width: int,
     height: int,
     code: float,
 ) -> None:
-    page = watch(stop_job, width=width, height=height)
+    page = watch(stopped_walk(tmp_path), width=width, height=height)
     size = page.run("[document.documentElement.scrollWidth, document.documentElement.scrollHeight]")
     assert size == [width, height]
     parts = ("#verdict", "#run", "#job-text", "#build", "#robot", "#waves", "#sliders", "#emergency .stop")
@@ -63,8 +63,8 @@ def test_text_robot_waves_and_hands_share_one_screen_that_is_filled(
 
 
 @pytest.mark.campaign
-def test_on_a_phone_the_emergency_stop_stays_in_sight(watch: Open, stop_job: Path) -> None:  # noqa: F811
-    page = watch(stop_job, width=390, height=844)
+def test_on_a_phone_the_emergency_stop_stays_in_sight(watch: Open, tmp_path: Path) -> None:  # noqa: F811
+    page = watch(stopped_walk(tmp_path), width=390, height=844)
     for place in (0, 1e6):
         page.run(f"window.scrollTo(0, {place})")
         painted(page)
@@ -157,7 +157,11 @@ def test_a_pose_is_linked_in_text_timeline_and_waves(watch: Open, tmp_path: Path
 
 def test_what_a_narrow_pose_says_is_whole(watch: Open, tmp_path: Path) -> None:  # noqa: F811
     """Its number, and how long it is held where there is room for that: nothing runs under the handle."""
-    page = watch(copy(ROOT / "jobs" / "scara-pick.toml", tmp_path))
+    job, text = tmp_path / "short.toml", LAB8.read_text()
+    before, _, behind = text.partition("    { arm_deg = 30")
+    rows = "".join(f"    {{ arm_deg = {30 * n}, hold_s = {(0.1, 4)[n % 2]} }},\n" for n in range(6))
+    job.write_text(before + rows + "]" + behind.partition("\n]")[2])
+    page = watch(job)
     page.until("document.querySelectorAll('.pose').length === 6")
     ends = (
         "[...document.querySelectorAll('.pose')].map(e => {"
