@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections import deque
 from dataclasses import replace
 from typing import Any
 
@@ -33,9 +32,7 @@ def subject(tmp_path_factory: pytest.TempPathFactory) -> Subject:
 
 def at(subject: Subject, cycle: int = THERE) -> WatchSession:
     session = WatchSession(subject)
-    deque(session.handle({"do": "seek", "cycle": cycle}), 0)
-    while session.now < cycle:
-        deque(session.tick(0.0), 0)
+    answer(session, do="seek", cycle=cycle)
     return session
 
 
