@@ -30,6 +30,7 @@ from servogen.watch.subject import Setting, load_subject
 from servogen.workflows.films import film_page
 from servogen.workflows.grading import GradingTask, grade_submissions
 from servogen.workflows.reporting import page_of
+from tests.engines.tape.tape_jobs import text as tape_text
 from tests.watch.browser import Browser, Page, chromium, wait
 from tests.watch.serving import Running
 from tests.watch.test_page import NO_TRIS
@@ -112,6 +113,13 @@ def jobs(studio: Studio) -> None:
     studio.watch("hexapod", job, Setting(), lambda page: go(page, 4_210_000))
     studio.watch("projector", job, Setting(), lambda page: go(page, 4_210_000), width=1920, height=1080)
     studio.watch("phone", job, Setting(), lambda page: go(page, 4_210_000), width=390, height=844)
+
+    def bus(page: Page) -> None:
+        go(page, 6000)
+        page.run("watched.waves.show(150, 900)")
+        page.until("watched.waves.data.end === 900")
+
+    studio.watch("bus", studio.file("dance.toml", tape_text()), Setting(), bus)
 
     def bodies(page: Page) -> None:
         page.click("#twin-show")

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import inf
 from operator import itemgetter
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -60,6 +61,7 @@ SPARSE = 5000
 """The number of snapshots of a long way."""
 
 Rows = npt.NDArray[np.int64]
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -254,12 +256,16 @@ class TimeMachine:
 
     def levels_before(self, begin: int) -> tuple[int, ...]:
         """Return the level of each pin before cycle `begin`, and come back to the current moment."""
+        return self.at(begin, lambda machine: machine.traced)
+
+    def at(self, cycle: int, read: Callable[[Machine], _T]) -> _T:
+        """Return what `read` says of the machine at a moment, and come back to the current one."""
         here = self.machine.snapshot(), self._applied
-        self.seek(max(0, begin))
-        levels = self.machine.traced
+        self.seek(max(0, cycle))
+        said = read(self.machine)
         self.machine.restore(here[0])
         self._applied = here[1]
-        return levels
+        return said
 
     def step(self, instructions: int) -> int:
         """Execute a number of instructions, or go back if it is negative; return the number done.

@@ -144,6 +144,11 @@ class RunningEEPROM:
     def off(self) -> EEPROM24:
         return replace(self._device, content=self.memory)
 
+    @property
+    def clocks(self) -> int | None:
+        """Return the clocks of the current byte so far, 0 to 8; None where it waits for a start."""
+        return None if self._phase is _Phase.STANDBY else self._bits % 9
+
     def snapshot(self) -> Any:
         return (
             self.memory, tuple(self._noted.items()), self._levels, self._pulls, self._phase, self._bits,

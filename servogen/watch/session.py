@@ -31,7 +31,18 @@ from servogen.debug.symbols import current_line, line_at
 from servogen.debug.time_machine import Repetition, TimeMachine
 from servogen.drive.commands import STOP
 from servogen.drive.on_command import REPEATS
-from servogen.edges import HIGH, OTHER_PINS, PAIR_PINS, PINS, UNDRIVEN, Driven, EdgeChunk, join
+from servogen.edges import (
+    HIGH,
+    NO_EDGES,
+    OTHER_PINS,
+    PAIR_PINS,
+    PINS,
+    UNDRIVEN,
+    Driven,
+    EdgeChunk,
+    edge_chunk,
+    join,
+)
 from servogen.engines.inputs.commands import CommandButton, CommandButtons, CommandLine, uart_byte
 from servogen.engines.stream.protocol import MAX_VALUE, SYNC
 from servogen.errors import Diagnostic, InputError, ServogenError
@@ -40,16 +51,17 @@ from servogen.programs import JOB_SUFFIX
 from servogen.pulse.schedule import Pulse, Run
 from servogen.pulses import PulseReader, Pulses, joined
 from servogen.report.robot_model import robot_model, schedule_model
-from servogen.simulator import LevelChange, Serial
+from servogen.simulator import LevelChange, Machine, Serial
+from servogen.simulator.eeprom24 import RunningEEPROM
 from servogen.simulator.layout import MCLR_PIN
 from servogen.simulator.observe import plain_assembly
 from servogen.simulator.sources import STIMULUS_PINS, pin_number
 from servogen.watch.differences import Edge, ScheduledEdges, differing
+from servogen.watch.listeners import BusListener, Said, SerialListener
 from servogen.watch.live_bodies import LiveBodies
 from servogen.watch.live_line import LiveLine
 from servogen.watch.motion import motion_of, parts_of
 from servogen.watch.recording import LatestEdges, Recording
-from servogen.watch.serial_listener import SerialListener
 from servogen.watch.subject import Subject
 from servogen.workflows.verification import chip_warnings
 
@@ -205,6 +217,7 @@ class WatchSession:
             "poses": subject.path.suffix.lower() == JOB_SUFFIX,
             "inputs": _inputs(subject),
             "serial": _serial(subject),
+            "bus": _bus(subject),
             "walk": _walk(subject),
             "marks": [_mark(remark) for remark in subject.remarks if remark.location],
             "motion": motion_of(subject.stated) if subject.stated else None,
@@ -410,7 +423,7 @@ class WatchSession:
         if not self.running:
             message["held"] = self._pulses.held
         if self.listener is not None and (received := self.listener.taken()):
-            message["received"] = received
+            message["received"] = [int(byte.text, 16) for byte in received]
         if whole:
             self._since_full = 0.0
             message |= {
@@ -561,6 +574,8 @@ class WatchSession:
         edges = EdgeChunk(cycle[:MAX_EDGES], pin[:MAX_EDGES], level[:MAX_EDGES])
         asked, alone = self._asked(begin, end, seen)
         given = self._outside(begin, seen)
+        inside = [edge for edge in given if edge[0] >= begin]
+        outside = {edge[1]: edge[2] for edge in given if edge[0] < begin}
         return {
             "is": "waves",
             "begin": begin,
@@ -569,11 +584,47 @@ class WatchSession:
             "before": list(before),
             "pulses": _packed_pulses(_pulses_in(before, edges, begin, max(begin, seen)), begin),
             "floating": _packed(_floating(before, edges), begin),
-            "inputs": _packed((edge for edge in given if edge[0] >= begin), begin),
-            "inputs_before": {edge[1]: edge[2] for edge in given if edge[0] < begin},
+            "inputs": _packed(inside, begin),
+            "inputs_before": outside,
+            "said": self._said(begin, seen, (before, edges), (outside, inside)),
             "wanted": _packed(asked, begin),
             "differing": _packed(alone, begin),
         }
+
+    def _said(
+        self,
+        begin: int,
+        seen: int,
+        driven: tuple[tuple[int, ...], EdgeChunk],
+        given: tuple[Mapping[int, int], list[Edge]],
+    ) -> Mapping[int, Sequence[Said]]:
+        """Return what is said in a window on the lines that are decoded, by their pins.
+
+        `driven` and `given` are the levels before and the edges of the chip and from outside.
+        """
+        levels, edges = driven
+        outside = edge_chunk(*zip(*given[1], strict=True)) if given[1] else NO_EDGES
+        said: dict[int, Sequence[Said]] = {}
+        for line in self._lines(begin):
+            hears = np.isin(line.pin, outside.pin) and not np.isin(line.pin, edges.pin)
+            before = [given[0].get(pin, HIGH) for pin in range(len(levels))] if hears else levels
+            line.restart(begin, before)
+            line.add(outside if hears else edges, seen)
+            said |= dict.fromkeys(line.pins, ()) | {line.pin: line.taken()}
+        return said
+
+    def _lines(self, begin: int) -> Iterator[SerialListener | BusListener]:
+        """Yield what decodes each line of the job and the one that the window listens to, from `begin` on."""
+        serial, bus = _serial(self.subject), _bus(self.subject)
+        bauds = {self.listener.pin: self.listener.baud} if self.listener else {}
+        if serial is not None:
+            names = filter(None, (serial["pin"], serial["answers"]))
+            bauds |= {PINS.index(name): Fraction(serial["baud"]) for name in names}
+        yield from (SerialListener(pin, baud, self.subject.clock) for pin, baud in bauds.items())
+        if bus is not None:
+            reach = min(begin, int(self._place.reach))
+            clocks = self.chip.at(reach, _clocks) if self.chip else None
+            yield BusListener(PINS.index(bus["scl"]), PINS.index(bus["sda"]), clocks)
 
     def _edges(self, begin: int, end: int) -> EdgeChunk:
         """Return the edges of a window of the past: nothing is run that has not been reached."""
@@ -1013,6 +1064,17 @@ def _serial(subject: Subject) -> Message | None:
     if stream is None:
         return None
     return {"pin": stream.receive_pin, "baud": stream.baud, "answers": stream.transmit_pin}
+
+
+def _bus(subject: Subject) -> Message | None:
+    """Return the pins of a job's serial EEPROM."""
+    tape = subject.schedule.tape if subject.schedule else None
+    return None if tape is None else {"scl": tape.scl, "sda": tape.sda}
+
+
+def _clocks(machine: Machine) -> int | None:
+    """Return the clocks of the byte that is on the bus of a tape; None before a start."""
+    return next(device.clocks for device in machine.devices if isinstance(device, RunningEEPROM))
 
 
 def _walk(subject: Subject) -> Message | None:

@@ -267,19 +267,20 @@ class Page {
       form: "serial-form", pin: "serial-pin", baud: "baud", kind: "serial-kind", bytes: "bytes",
       read: "serial-read", idle: "serial-idle", listen: "listen-pin", listenBaud: "listen-baud",
       transcript: "transcript",
-    }), this.send, (pin, bit) => this.decode(pin, bit));
+    }), this.send, pin => this.decode(pin));
   }
   options(model) {
+    const pin = name => model.pins.indexOf(name);
     const rows = model.channels.map(channel => {
       const servo = model.robot?.servos.find(each => each.pin === channel.pin);
       return { name: channel.name, pin: channel.pin, colour: servo?.colour, servo };
     });
     if (model.serial) {
-      const serial = model.cycles_per_second / model.serial.baud, pin = name => model.pins.indexOf(name);
-      rows.push({ name: "serial in", pin: pin(model.serial.pin), serial });
-      if (model.serial.answers) rows.push({ name: "serial out", pin: pin(model.serial.answers), serial });
+      rows.push({ name: "serial in", pin: pin(model.serial.pin) });
+      if (model.serial.answers) rows.push({ name: "serial out", pin: pin(model.serial.answers) });
     }
-    for (const each of model.inputs) rows.push({ name: each.name, pin: model.pins.indexOf(each.pin) });
+    if (model.bus) rows.push({ name: "SCL", pin: pin(model.bus.scl) }, { name: "SDA", pin: pin(model.bus.sda) });
+    for (const each of model.inputs) rows.push({ name: each.name, pin: pin(each.pin) });
     return {
       rows,
       idle: model.runs ? model.pins.map((_, pin) => pin).filter(pin => model.pins[pin].startsWith("RB")) : [],
@@ -320,15 +321,11 @@ class Page {
     byId("lane").replaceChildren(element("option", { value: "" }, "all pins"), ...waves.all.map(option));
     byId("lane").value = waves.only ?? "";
   }
-  // Decode a line of the chip in the waves.
-  decode(pin, bit) {
+  // Show a line of the chip that is decoded in the waves.
+  decode(pin) {
     const { rows } = this.waves.options;
-    for (const row of [...rows, ...this.waves.all]) if (row.heard) row.serial = row.heard = 0;
-    if (pin === null) return;
-    let row = rows.find(each => each.pin === pin);
-    if (!row) rows.push(row = { name: this.model.names[pin], pin });
-    if (!row.serial) Object.assign(row, { serial: bit, heard: bit });
-    if (this.waves.data) this.waves.set(this.waves.data);
+    if (pin !== null && !rows.some(row => row.pin === pin)) rows.push({ name: this.model.names[pin], pin });
+    this.ask();
   }
   // A pose that the pointer is on, in the text, on the timeline or in the waves; a click goes to it.
   pointed(index, from) {

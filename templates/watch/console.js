@@ -23,7 +23,7 @@ export function bytesOf(text, kind) {
 
 // Made anew for each version of what is watched.
 export class Console {
-  // listened(pin, cycles of a bit) is told which line is decoded.
+  // listened(pin) is told which line is decoded.
   constructor(model, places, send, listened) {
     Object.assign(this, { model, places, send, listened, ended: new AbortController() });
     if (!model.runs) return;
@@ -69,8 +69,8 @@ export class Console {
     this.listening();
   }
   listening() {
-    const { listening, pins, cycles_per_second: rate } = this.model;
-    this.listened(listening ? pins.indexOf(listening.pin) : null, listening ? rate / listening.baud : 0);
+    const { listening, pins } = this.model;
+    this.listened(listening ? pins.indexOf(listening.pin) : null);
   }
   // Take bytes that came back.
   received(bytes) { this.add("from the chip", bytes); }

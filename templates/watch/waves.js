@@ -44,29 +44,6 @@ export function timeText(us, step = 1) {
   return `${+us.toFixed(2)} µs`;
 }
 
-// The bytes that an asynchronous line carries: start bit, eight bits (lowest first), stop bit; idle is high.
-export function decodeSerial(edges, bit, begin, before, end) {
-  const levelAt = cycle => {
-    let level = before;
-    for (const edge of edges) { if (edge.cycle > cycle) break; level = edge.level; }
-    return level;
-  };
-  const bytes = [];
-  let free = begin;
-  for (const edge of edges) {
-    if (edge.level !== 0 || edge.cycle < free) continue;
-    if (edge.cycle + 9.5 * bit > end) break;
-    let value = 0;
-    for (let index = 0; index < 8; index++) {
-      if (levelAt(edge.cycle + (index + 1.5) * bit) === 1) value |= 1 << index;
-    }
-    const stopped = levelAt(edge.cycle + 9.5 * bit) === 1;
-    if (stopped) bytes.push({ cycle: edge.cycle, end: edge.cycle + 10 * bit, value });
-    free = edge.cycle + 9.5 * bit;
-  }
-  return bytes;
-}
-
 // Edges or pulses, each pin's in a list of its own.
 function byPin(items) {
   const lanes = new Map();
@@ -78,7 +55,7 @@ function byPin(items) {
 }
 
 export class Waves {
-  // options: rows [{name, pin, colour, servo, serial}]; describe(row, width in cycles) is what a pulse means;
+  // options: rows [{name, pin, colour, servo}]; describe(row, width in cycles) is what a pulse means;
   // room() is the height that the rows share, if they do; bands(begin, end) are spans of time to be marked;
   // preview(row, cycle) is the width in cycles that another plan asks for; hovered(place, clicked).
   constructor(canvas, model, options) {
@@ -373,17 +350,29 @@ export class Waves {
       const x = this.x(edge.cycle);
       brush.beginPath(); brush.moveTo(x, high - 3); brush.lineTo(x, low + 3); brush.stroke();
     }
-    const input = given.length > 0 && !driven.length;
-    const before = input ? outside : data.before[row.pin];
-    if (row.serial) this.paintBytes(brush, row, input ? given : driven, before, low, ink);
+    if (data.said?.[row.pin]) this.paintSaid(brush, data.said[row.pin], low, ink);
     else this.paintWidths(brush, row, high, low, ink);
   }
-  paintBytes(brush, row, edges, before, low, ink) {
-    brush.fillStyle = ink("--ink");
+  // What is said on a line: a serial one's bytes, or the traffic of a bus; where they have no room, how many.
+  paintSaid(brush, said, low, ink) {
     brush.textAlign = "left";
-    for (const byte of decodeSerial(edges, row.serial, this.data.begin, before, this.data.seen)) {
-      const text = byte.value.toString(16).toUpperCase().padStart(2, "0"), x = this.x(byte.cycle);
-      if (this.x(byte.end) - x > 1.2 * this.text) brush.fillText(text, x + 2, low - 3);
+    const room = (index, from = index) => this.x(said[index + 1]?.[0] ?? this.end) - this.x(said[from][0]);
+    const wide = text => brush.measureText(text).width + 4;
+    const paint = (text, x) => {
+      brush.fillStyle = ink("--field");
+      brush.fillRect(x + 1, low - this.text - 2, wide(text), this.text + 2);
+      brush.fillStyle = ink("--ink");
+      brush.fillText(text, x + 3, low - 3);
+    };
+    for (let first = 0, last = 0; first < said.length; first = last = last + 1) {
+      const apart = index => room(index) - (this.x(said[index][1]) - this.x(said[index][0])) > 3 * this.text;
+      while (last < said.length - 1 && !apart(last)) last++;
+      const burst = said.slice(first, last + 1), count = `${burst.length} bytes`;
+      const texts = burst.map(([, , text], index) =>
+        [text, text.replace(/ A$/, "")].find(each => wide(each) <= room(first + index)));
+      if (texts.filter(Boolean).length < burst.length / 2) {
+        if (wide(count) <= room(last, first)) paint(count, this.x(burst[0][0]));
+      } else texts.forEach((text, index) => { if (text) paint(text, this.x(burst[index][0])); });
     }
   }
   // The width of each pulse, beside it and between the two lines; and where another plan would end it.
@@ -431,7 +420,9 @@ export class Waves {
       const width = known ? end - begin : 0;
       const meaning = level === 1 && row.servo ? this.options.describe(row, width) : timeText(this.us(width));
       const way = level === 1 ? "high" : level === 0 ? "low" : "not driven";
+      const said = this.data.said?.[row.pin]?.find(([begin, end]) => begin <= place.cycle && place.cycle <= end);
       parts.push(`${row.name} ${way}${known ? ` for ${meaning}, ${cycles(width)}` : ""}`);
+      if (said) parts.push(said[2]);
     }
     if (a !== null) parts.push(`A ${timeText(this.us(a))}, cycle ${a}`);
     if (b !== null) parts.push(`B ${timeText(this.us(b))}, cycle ${b}`);
