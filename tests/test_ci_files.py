@@ -175,11 +175,15 @@ def test_a_failed_test_is_annotated_at_its_line(tmp_path: Path) -> None:
     assert all("assert" in message for *_, message in annotations(out))
 
 
-def test_what_was_never_written_fails_the_step_of_the_facts(tmp_path: Path) -> None:
+def test_what_was_never_written_fails_the_step_of_the_facts_and_is_annotated(tmp_path: Path) -> None:
     values = template(tmp_path, "bright = 0, pressed", "bright, pressed") | {"contract": "", "program": ""}
     code, out, ran = act(tmp_path, values)
     assert (code, ran) == (1, ["inputs", "facts"]), out
     assert "❌ facts of dimmer.c" in (tmp_path / "summary.md").read_text()
+    source = (tmp_path / "dimmer.c").read_text().splitlines()
+    found = annotations(out)
+    assert [(file, "bright" in source[line - 1]) for file, line, _ in found] == [("dimmer.c", True)] * 3
+    assert all("main.bright" in message for *_, message in found)
 
 
 def test_the_ten_examples_pass_as_tests_of_the_action(tmp_path: Path) -> None:

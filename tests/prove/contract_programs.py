@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import signal
-import subprocess
 import sys
 import time
 import tomllib
@@ -31,6 +30,7 @@ from servogen.simulator import SimulatorOptions, parse_stimuli
 from servogen.units import Clock
 from servogen.workflows.contracts import contract_clock, judge_program
 from tests.prove.contract_attack import CI
+from tests.repositories import unpack
 from tests.testing.page import PROGRAMS
 
 HERE = Path(__file__).parent
@@ -101,11 +101,8 @@ def public(folder: Path, names: Sequence[str] = ()) -> Iterator[Case]:
         if names and not any(part in name for part in names):
             continue
         with TemporaryDirectory() as scratch:
-            tree = f"{row['commit']}:{place.parent.as_posix().removeprefix('.')}"
-            archive = subprocess.run(
-                ["git", "-C", folder / repository, "archive", tree], check=True, capture_output=True
-            )
-            subprocess.run(["tar", "-x", "-C", scratch], check=True, input=archive.stdout)
+            parent = place.parent.as_posix().removeprefix(".")
+            unpack(folder, repository, row["commit"], parent, Path(scratch))
             program = read_program(Path(scratch) / place.name)
         yield Case(name, program, parse_contract(row["contract"], place.name))
 
