@@ -51,6 +51,7 @@ CAPABILITIES = {
     "supportsLogPoints": True,
     "supportsFunctionBreakpoints": True,
     "supportsInstructionBreakpoints": True,
+    "supportsDataBreakpoints": True,
     "supportsDisassembleRequest": True,
     "supportsReadMemoryRequest": True,
     "supportsWriteMemoryRequest": True,
@@ -128,6 +129,8 @@ class DebugSession:
             "setBreakpoints": self._set_breakpoints,
             "setFunctionBreakpoints": self._set_function_breakpoints,
             "setInstructionBreakpoints": self._set_instruction_breakpoints,
+            "dataBreakpointInfo": self._data_breakpoint_info,
+            "setDataBreakpoints": self._set_data_breakpoints,
             "setExceptionBreakpoints": lambda _: {},
             "configurationDone": self._configuration_done,
             "threads": lambda _: {"threads": [{"id": THREAD, "name": "PIC16F84"}]},
@@ -284,6 +287,18 @@ class DebugSession:
             for each in wanted
         ]
         return self._arm("instruction", texts)
+
+    def _data_breakpoint_info(self, given: Body) -> Body:
+        """Return how to stop at each change of a variable, a byte of RAM or a pin, if it is one."""
+        text = f"{given['name']} changes"
+        try:
+            parse_breakpoint(text, self._need_loaded().listing)
+        except InputError as error:
+            return {"dataId": None, "description": error.message}
+        return {"dataId": text, "description": text, "accessTypes": ["write"], "canPersist": True}
+
+    def _set_data_breakpoints(self, given: Body) -> Body:
+        return self._arm("data", [(str(each["dataId"]), each) for each in given.get("breakpoints") or ()])
 
     def _arm(self, group: str, texts: Sequence[tuple[str, Body]]) -> Body:
         listing = self._need_loaded().listing

@@ -5,8 +5,9 @@ the first of them.
 
     line 12 · main.c:12 · 0x01F     before the line's first instruction, or the one at that address
     show()                          before the first instruction of a function, or after a label
-    RB0 · RB0 rise · RB0 fall       after an edge of the pin
+    RB0 · RB0 rise · RB0 fall       after an edge of the pin (`RB0 changes` is `RB0`)
     width > 1500 · 0x20 == 3        after an instruction that makes it true of a variable or a byte of RAM
+    width changes                   after an instruction that gives a variable or a byte of RAM another value
 """
 
 from __future__ import annotations
@@ -73,16 +74,35 @@ class AtCondition:
     def holds(self, machine: TimeMachine) -> bool:
         return COMPARISONS[self.comparison](self.variable.number(machine.machine.ram), self.value)
 
+    def stops(self, before: int, now: int) -> bool:
+        """Return whether it is true of a value `now`, and was not of the one before."""
+        compare = COMPARISONS[self.comparison]
+        return compare(now, self.value) and not compare(before, self.value)
 
-Breakpoint = AtAddress | AtEdge | AtCondition
+
+@dataclass(frozen=True, slots=True)
+class AtChange:
+    """Stops after an instruction that changes bytes of RAM."""
+
+    text: str
+    variable: Variable
+
+    def stops(self, before: int, now: int) -> bool:
+        return before != now
+
+
+Breakpoint = AtAddress | AtEdge | AtCondition | AtChange
 
 _LINE = re.compile(r"(?:line\s+|(?P<file>\S+):)(?P<line>\d{1,6})")
 _ADDRESS = re.compile(r"0x(?P<address>[0-9a-f]{1,4})", re.IGNORECASE)
 _ROUTINE = re.compile(r"(?P<name>[A-Za-z_]\w{0,60})\s*\(\s*\)")
-_EDGE = re.compile(r"(?P<pin>R[AB]\d)(?:\s+(?P<way>rise|fall))?", re.IGNORECASE)
+_EDGE = re.compile(r"(?P<pin>R[AB]\d)(?:\s+(?P<way>rise|fall|changes))?", re.IGNORECASE)
 _CONDITION = re.compile(
     r"(?P<name>[A-Za-z_][\w.]{0,60}|0x[0-9A-Fa-f]{1,2})\s*(?P<comparison>==|!=|<=|>=|<|>)\s*(?P<value>0x[0-9A-Fa-f]{1,8}|\d{1,9})"
 )
+
+
+_CHANGE = re.compile(r"(?P<name>[A-Za-z_][\w.]{0,60}|0x[0-9A-Fa-f]{1,2})\s+changes")
 
 
 def parse_breakpoint(text: str, listing: Listing | None) -> Breakpoint:
@@ -109,10 +129,12 @@ def parse_breakpoint(text: str, listing: Listing | None) -> Breakpoint:
         return AtCondition(
             text, variable(match["name"], listing), match["comparison"], int(match["value"], 0)
         )
+    if match := _CHANGE.fullmatch(text):
+        return AtChange(text, variable(match["name"], listing))
     raise InputError(
         "bad-breakpoint",
         f"'{text}' is not a breakpoint",
-        hint="line 12, 0x01F, show(), RB0 rise, or a comparison such as width > 1500",
+        hint="line 12, 0x01F, show(), RB0 rise, width changes, or a comparison such as width > 1500",
     )
 
 
@@ -149,7 +171,7 @@ def run_to(
         for address in breakpoint.addresses
     }
     edges = [breakpoint for breakpoint in breakpoints if isinstance(breakpoint, AtEdge)]
-    conditions = [breakpoint for breakpoint in breakpoints if isinstance(breakpoint, AtCondition)]
+    conditions = [each for each in breakpoints if isinstance(each, AtCondition | AtChange)]
     writers = _writers(conditions, image)
 
     def wanted(chunk: EdgeChunk) -> npt.NDArray[np.bool_]:
@@ -161,19 +183,19 @@ def run_to(
         return marked
 
     while machine.now < end:
-        # A condition can only become true where something that it reads is written: those instructions are
-        # executed one by one, all others at full speed.
+        # A condition can only become true, and a value only change, where something that it reads is written:
+        # those instructions are executed one by one, all others at full speed.
         while machine.machine.pc in writers and not machine.machine.asleep and machine.now < end:
-            holding = [breakpoint.holds(machine) for breakpoint in conditions]
+            values = [each.variable.number(machine.machine.ram) for each in conditions]
             chunk = _step(machine)
             if produced is not None:
                 produced.append(chunk)
             if chunk.pin[wanted(chunk)].size:
                 pin, level = (int(column[wanted(chunk)][0]) for column in chunk[1:])
                 return next(breakpoint for breakpoint in edges if _is_edge(breakpoint, pin, level))
-            for breakpoint, before in zip(conditions, holding, strict=True):
-                if not before and breakpoint.holds(machine):
-                    return breakpoint
+            for each, before in zip(conditions, values, strict=True):
+                if each.stops(before, each.variable.number(machine.machine.ram)):
+                    return each
             if machine.machine.pc in addresses:
                 return addresses[machine.machine.pc]
         if machine.now >= end:
@@ -211,7 +233,7 @@ def _is_edge(breakpoint: AtEdge, pin: int, level: int) -> bool:
     return breakpoint.pin == pin and breakpoint.level in (None, level)
 
 
-def _writers(conditions: Sequence[AtCondition], image: Image) -> frozenset[int]:
+def _writers(conditions: Sequence[AtCondition | AtChange], image: Image) -> frozenset[int]:
     """Return the addresses of the instructions that may write a byte of one of the conditions."""
     bytes_of = {
         condition.variable.address + offset

@@ -124,6 +124,21 @@ def test_conditions_hits_pins_and_messages(editor: Editor) -> None:
     assert "is an output" in value(editor, "why RB5")
 
 
+def test_a_data_breakpoint_stops_at_each_change_and_no_other(editor: Editor) -> None:
+    editor.ask("configurationDone", {})
+    ids = [
+        editor.ask("dataBreakpointInfo", {"variablesReference": scope, "name": name})["dataId"]
+        for scope, name in ((3, "turns"), (1, "RB1"), (2, "TMR0"))
+    ]
+    assert ids == ["turns changes", "RB1 changes", None]
+    editor.ask("setDataBreakpoints", {"breakpoints": [{"dataId": ids[0]}]})
+    for turn in "123":
+        editor.go("continue")
+        assert value(editor, "turns") == turn
+    editor.go("reverseContinue")
+    assert value(editor, "turns") == "2"
+
+
 def test_memory_registers_and_machine_code(editor: Editor) -> None:
     editor.client.configuration_done()
     editor.until("StoppedEvent")

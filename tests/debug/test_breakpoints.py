@@ -57,6 +57,14 @@ def test_a_line_stops_before_its_first_instruction_each_time() -> None:
     assert n_of(chip) == 4
 
 
+def test_a_change_stops_behind_each_instruction_that_makes_one_and_no_other() -> None:
+    chip = machine()
+    for turn in range(1, 4):
+        assert run(chip, "n changes") == "n changes"
+        assert n_of(chip) == turn, "the n = 0 of a byte that is 0 is no change"
+        assert run(chip, "RB0 changes") == "RB0 changes"
+
+
 def test_an_edge_stops_behind_the_instruction_that_makes_it() -> None:
     chip = machine()
     assert run(chip, "RB1 rise") == "RB1 rise"
