@@ -3,6 +3,7 @@
 import io
 import json
 import math
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -124,11 +125,17 @@ def position(width_us: float) -> int:
     return round((width_us - 500) / 2000 * 254)
 
 
-def test_whoever_gives_up_writes_nothing(start: Start, serial: Serial, job: Path) -> None:
-    process = start("calibrate", job, "--port", serial.path, *RANGE, stdin=subprocess.PIPE)
-    _, err = process.communicate("quit\n", timeout=60)
-    assert process.returncode == 2
-    assert "ended after 0 of 7 readings: nothing is written" in err
+def test_whoever_gives_up_writes_nothing(
+    run: Run, serial: Serial, job: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reading, writing = os.pipe()
+    with os.fdopen(writing, "w") as pipe:
+        pipe.write("quit\n")
+    with os.fdopen(reading) as pipe:
+        monkeypatch.setattr(sys, "stdin", pipe)
+        done = run("calibrate", job, "--port", serial.path, *RANGE)
+    assert done.code == 2
+    assert "ended after 0 of 7 readings: nothing is written" in done.err
     assert not job.with_name("arm.calibration.toml").exists()
 
 

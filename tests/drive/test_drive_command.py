@@ -12,7 +12,6 @@ from typing import Any
 import pytest
 
 from servogen.cli.drive_command import _log
-from tests.campaigns import sampled
 from tests.drive.conftest import ROOT, Run, Serial
 
 JOBS = ROOT / "jobs"
@@ -36,13 +35,12 @@ def position(width_us: float) -> int:
     return round((width_us - 500) / 2000 * 254)
 
 
-def test_a_pose_is_sent_and_left(start: Start, serial: Serial) -> None:
-    process = start("drive", JOBS / "lab8-exercise.toml", "-p", serial.path, *RANGE, "--pose", "2")
-    out, err = process.communicate(timeout=120)
-    assert process.returncode == 0, err
+def test_a_pose_is_sent_and_left(run: Run, serial: Serial) -> None:
+    done = run("drive", JOBS / "lab8-exercise.toml", "-p", serial.path, *RANGE, "--pose", "2")
+    assert done.code == 0, done.err
     serial.wait_for(lambda decoder: bool(decoder.moves))
     assert serial.decoder.moves == [(0, position(1500))]
-    assert "1 position, 1 pose" in out
+    assert "1 position, 1 pose" in done.out
 
 
 def test_ctrl_c_stops_the_robot(start: Start, serial: Serial) -> None:
@@ -239,16 +237,22 @@ def test_a_stream_jobs_line_and_widths_are_its_own(run: Run, tmp_path: Path, fai
     assert off.code == (0 if fail_safe == "off" else 2)
 
 
-@pytest.mark.parametrize("fail_safe", sampled(["hold", "neutral"]))
+def test_a_pose_that_a_fail_safe_keeps_is_left(run: Run, serial: Serial, tmp_path: Path) -> None:
+    job = tmp_path / "stream.toml"
+    job.write_text(STREAM.format(fail_safe="hold"))
+    done = run("drive", job, "-p", serial.path, "--pose", "arm=90", "--arrive-s", 0)
+    assert (done.code, "kept until Ctrl-C" in done.out) == (0, False), done.err
+
+
+@pytest.mark.campaign
 def test_a_pose_that_the_fail_safe_would_end_is_kept_and_said_to_be(
-    start: Start, serial: Serial, tmp_path: Path, fail_safe: str
+    start: Start, serial: Serial, tmp_path: Path
 ) -> None:
     job = tmp_path / "stream.toml"
-    job.write_text(STREAM.format(fail_safe=fail_safe))
+    job.write_text(STREAM.format(fail_safe="neutral"))
     process = start("drive", job, "-p", serial.path, "--pose", "arm=90", "--arrive-s", 0)
-    if fail_safe == "neutral":
-        serial.wait_for(lambda decoder: len(decoder.moves) > 2)
-        process.send_signal(signal.SIGINT)
+    serial.wait_for(lambda decoder: len(decoder.moves) > 2)
+    process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=120)
-    assert process.returncode == (130 if fail_safe == "neutral" else 0), err
-    assert ("kept until Ctrl-C" in out) == (fail_safe == "neutral")
+    assert process.returncode == 130, err
+    assert "kept until Ctrl-C" in out

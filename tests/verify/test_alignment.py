@@ -69,6 +69,32 @@ WIDTHS = Random(5).choices(range(100, 400), k=300)
 SCHEDULED: Bounds = [(1000 * frame, 1000 * frame + WIDTHS[frame]) for frame in range(300)]
 
 
+@pytest.mark.parametrize("slope", [2.0, 2.03])
+def test_pulses_that_are_far_from_the_anchor_are_paired_by_the_fitted_speed(slope: float) -> None:
+    """Within the first 250 frames a clock that is off by 1.5 % has lost more than three."""
+    first = 40
+    captured = [
+        (round(slope * (rise - 39_000)), round(slope * (fall - 39_000))) for rise, fall in SCHEDULED[first:]
+    ]
+    line = align(signals([captured], [SCHEDULED], candidates=60_000, length=captured[-1][1] + 500))
+    assert line is not None
+    assert line.b == pytest.approx(slope, rel=1e-6)
+    assert line.steps(39_000) == pytest.approx(0, abs=1)
+
+
+def test_pulses_with_long_pauses_between_them_are_paired_in_a_second_step() -> None:
+    """Pauses tell nothing about the clock: at first it is taken as nominal, which is right for 100 frames."""
+    scheduled = [SCHEDULED[frame] for frame in range(0, 300, 25)]
+    captured = [(round(2.009 * rise + 50), round(2.009 * fall + 50)) for rise, fall in scheduled]
+    given = signals([captured], [scheduled], candidates=1000, length=captured[-1][1] + 500)
+    line = align(given)
+    assert line is not None
+    times = np.array(scheduled).ravel()
+    # The sample of three steps, not the rounding, limits how well the slope is known: by all edges.
+    assert line.b_error == pytest.approx((9 / 12 / ((times - times.mean()) ** 2).sum()) ** 0.5)
+    assert line.b == pytest.approx(2.009, rel=1e-5)
+
+
 @pytest.mark.parametrize(("candidates", "found"), [(10_000, False), (10_001, True)])
 def test_a_capture_begins_before_the_last_candidate(candidates: int, found: bool) -> None:
     captured = [(2 * rise - 19_900, 2 * fall - 19_900) for rise, fall in SCHEDULED[10:30]]
