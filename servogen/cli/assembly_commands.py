@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -13,7 +14,7 @@ from servogen.cli.show import next_step, warn_of_all
 from servogen.isolation import COMPILING, WorkLimits
 from servogen.outputs import write_text
 from servogen.pic.assembler.assembly import AssemblySource, beside, link
-from servogen.pic.assembler.sections import EVERY_CHIP, read_script
+from servogen.pic.assembler.sections import EVERY_CHIP, read_place, read_script
 from servogen.pic.device import ASSEMBLED_DEVICES
 from servogen.pic.device import device as device_named
 from servogen.pic.disassembler import disassemble as disassembled
@@ -37,6 +38,10 @@ def assemble(
             "--script", help="A linker script (.lkr), instead of gplink's for the chip.", show_default=False
         ),
     ] = None,
+    place: Annotated[
+        list[str] | None,
+        typer.Option("--place", help="A section's address: ISR=4h, as pic-as's -Wl,-pISR=4h (repeatable)."),
+    ] = None,
     device: Annotated[
         str | None,
         typer.Option("--device", help="The chip (default: the one that the source names, else PIC16F84)."),
@@ -48,6 +53,7 @@ def assemble(
     chip = device_named(device, ASSEMBLED_DEVICES) if device else None
     modules = [AssemblySource(read_assembly(each), str(each), beside(each.parent)) for each in sources]
     memory = read_script(read_assembly(script), str(script)) if script else EVERY_CHIP
+    memory = replace(memory, at=dict(read_place(each) for each in place or ()))
     assembly = within_limits(
         lambda: link(modules, chip, memory),
         sources[0],

@@ -7,15 +7,16 @@ Two passes over the same lines: the first determines the addresses of the labels
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from servogen.errors import Diagnostic, InputError, Location, SourceLines
+from servogen.errors import Diagnostic, InputError, Location, SourceLines, did_you_mean
 from servogen.inputs import read_input
 from servogen.pic.assembler.blocks import EndOfSource, ExitMacro, OutOfBudget, Placed, TooManyErrors
 from servogen.pic.assembler.control import CONTROL
 from servogen.pic.assembler.definitions import DEFINITIONS
 from servogen.pic.assembler.layout import LAYOUT
+from servogen.pic.assembler.psect import begin, is_pic_as, without_comments
 from servogen.pic.assembler.sections import EVERY_CHIP, LinkerScript, Sections, place
 from servogen.pic.assembler.settings import SETTINGS
 from servogen.pic.assembler.source import lines_of
@@ -76,11 +77,16 @@ def link(
     Where a source opens sections, another pass measures them before the two that all sources take.
     """
     modules = [_Module(source, device) for source in sources]
+    if any(module.pic_as for module in modules):
+        memory = replace(memory, from_top=True)
     exports: dict[str, int] = {}
     words = PlacedWords()
     for module in modules:
         module.first_pass(exports, words)
-    if any(module.sections for module in modules):
+    opened = {section.name for module in modules for section in module.sections}
+    for name in memory.at.keys() - opened:
+        raise InputError("asm-section", f"no source opens section '{name}'", hint=did_you_mean(name, opened))
+    if opened:
         # Now it is known that a source has sections: an ORG before the first one is one, too.
         for module in modules:
             module.first_pass(exports, words)
@@ -103,7 +109,8 @@ class _Module:
         self.source = source
         self.symbols = Symbols()
         self.sections = Sections()
-        self.lines = lines_of(source.text, source.file)
+        self.pic_as = is_pic_as(source.text)
+        self.lines = lines_of(without_comments(source.text) if self.pic_as else source.text, source.file)
         self._device = device
         self._spent = False
         self.state: Pass
@@ -133,6 +140,8 @@ class _Module:
         )
         if self._device is not None:
             state.choose(self._device)
+        if self.pic_as:
+            begin(state)
         ended = False
         try:
             state.run(self.lines)
@@ -151,12 +160,12 @@ class _Module:
     def _export(self, exports: dict[str, int]) -> None:
         for name, line in self.state.globals.items():
             symbol = self.symbols.find(name)
-            if symbol is None:
+            if symbol is not None:
+                exports[name] = symbol.value
+            elif not self.state.pic_as:
                 self.state.report(
                     "error", "asm-undefined-symbol", f"'{name}' is global, but not defined", line
                 )
-            else:
-                exports[name] = symbol.value
 
     @property
     def texts(self) -> dict[str, str]:
@@ -170,10 +179,11 @@ def _report_twins(modules: Sequence[_Module]) -> None:
     """Report each name that a source makes global although an earlier one does."""
     seen: set[str] = set()
     for module in modules:
-        for name in seen & module.state.globals.keys():
+        own = {name for name in module.state.globals if module.symbols.defined(name)}
+        for name in seen & own:
             line = module.state.globals[name]
             module.state.report("error", "asm-duplicate-symbol", f"'{name}' is global in two sources", line)
-        seen |= module.state.globals.keys()
+        seen |= own
 
 
 def _refuse(modules: Sequence[_Module]) -> None:

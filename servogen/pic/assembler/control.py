@@ -7,8 +7,15 @@ from collections.abc import Callable
 
 from servogen.errors import Diagnostic, InputError
 from servogen.pic.assembler.blocks import Condition, EndOfSource, ExitMacro, Macro
-from servogen.pic.assembler.header import HEADERS, header_device, header_text
+from servogen.pic.assembler.header import (
+    HEADERS,
+    PIC_AS_HEADER,
+    header_device,
+    header_text,
+    pic_as_header,
+)
 from servogen.pic.assembler.messages import SourceError
+from servogen.pic.assembler.psect import begin, without_comments
 from servogen.pic.assembler.source import Statement, lines_of
 from servogen.pic.assembler.state import Directive, Pass
 from servogen.pic.assembler.text import IDENTIFIER
@@ -156,6 +163,12 @@ def _include(state: Pass, statement: Statement) -> None:
         raise SourceError(
             "asm-include", f"include file '{name}' {refusal.message}", statement.rest.column(0), refusal.hint
         ) from refusal
+    if text is None and name.lower() == PIC_AS_HEADER:
+        if not state.pic_as:
+            begin(state)
+        if not state.symbols.in_this_pass("STATUS"):
+            state.run(lines_of(pic_as_header(), name))
+        return
     if text is None:
         chip = header_device(name)
         if chip is None:
@@ -167,10 +180,11 @@ def _include(state: Pass, statement: Statement) -> None:
             )
         if state.device is None:
             state.choose(chip)
-        state.run(lines_of(header_text(chip), name))
+        if not state.pic_as:
+            state.run(lines_of(header_text(chip), name))
         return
     state.sources[name] = text
-    state.run(lines_of(text, name))
+    state.run(lines_of(without_comments(text) if state.pic_as else text, name))
 
 
 def _end(state: Pass, statement: Statement) -> None:

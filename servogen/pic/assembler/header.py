@@ -38,7 +38,7 @@ HEADERS = tuple(f"p{device.short_name.lower()}.inc" for device in ASSEMBLED_DEVI
 
 def header_device(name: str) -> Device | None:
     """Return the chip of a built-in include file, by the file's name in any case; None for another name."""
-    return dict(zip(HEADERS, ASSEMBLED_DEVICES, strict=True)).get(name.lower())
+    return dict(zip(HEADERS, ASSEMBLED_DEVICES, strict=True)).get(name.lower().replace("pic", "p"))
 
 
 @cache
@@ -59,6 +59,40 @@ def header_text(device: Device) -> str:
     last = device.ram_last
     bad = f"  __MAXRAM H'{0x80 | last:02X}'\n  __BADRAM H'07', H'{last + 1:02X}'-H'7F', H'87'\n"
     return mismatch + "\n".join(rows) + "\n" + bad
+
+
+PIC_AS_HEADER = "xc.inc"
+PIC_AS_NAMES: dict[str, tuple[str, ...]] = {
+    "C": ("CARRY",),
+    "Z": ("ZERO",),
+    "PD": ("nPD",),
+    "TO": ("nTO",),
+    "RBPU": ("nRBPU",),
+}
+PIC_AS_NAMES |= {name: (name, other) for name, other in OTHER_NAMES.items()}
+"""The bits whose names are others for pic-as."""
+OPERATORS = {"and": "&", "or": "|", "xor": "^", "not": "~", "mod": "%", "shl": "<<", "shr": ">>"}
+OPERATORS |= {"eq": "==", "ne": "!=", "lt": "<", "le": "<=", "gt": ">", "ge": ">="}
+
+
+@cache
+def pic_as_header() -> str:
+    """Return the include file of pic-as: a bit is a register and a number, its place has a long name."""
+    rows = []
+    for register in REGISTERS:
+        rows.append(f"{register.name} EQU {register.address}")
+        for bit, name in enumerate(register.bit_names()):
+            if name is None:
+                continue
+            names = PIC_AS_NAMES.get(name, (name,))
+            rows += [f"#define {each} {register.name}, {bit}" for each in names]
+            for each in dict.fromkeys((name, *names)):
+                row = f"{register.name}_{each}"
+                rows += [f"{row}_POSN EQU {bit}", f"{row}_POSITION EQU {bit}", f"{row}_MASK EQU {1 << bit}"]
+    for word, sign in OPERATORS.items():
+        rows += [f"#define {word} {sign}", f"#define {word.upper()} {sign}"]
+    rows += ["#define BANKMASK(address) ((address) & 0x7F)", "#define PAGEMASK(address) (address)"]
+    return "\n".join(rows) + "\n"
 
 
 def _fuses(device: Device) -> dict[str, int]:

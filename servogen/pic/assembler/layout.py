@@ -29,11 +29,15 @@ def _org(state: Pass, statement: Statement) -> None:
 
 def _res(state: Pass, statement: Statement) -> None:
     """Reserve words, which stay erased, or in a section of data bytes."""
+    reserve(state, statement, statement.label)
+
+
+def reserve(state: Pass, statement: Statement, name: str | None) -> None:
     section = state.sections.current
     if section is not None and not section.is_code:
         size = _counted(state.one(statement), statement)
-        if statement.label is not None and not state.first:
-            state.blocks.append((state.location, statement.label, size))
+        if name is not None and not state.first:
+            state.blocks.append((state.location, name, size))
         state.location += size
         return
     for _ in range(_counted(state.one(statement), statement)):

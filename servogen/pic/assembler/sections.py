@@ -10,7 +10,7 @@ UDATA_OVR lie on each other.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Literal
@@ -44,6 +44,8 @@ class Section:
     base: int = 0
     used: int = 0
     """The words or bytes up to the current line of the pass."""
+    block: str | None = None
+    """The block of memory that a pic-as source names by a class; None for any that is not protected."""
 
     @property
     def is_code(self) -> bool:
@@ -65,6 +67,9 @@ class Sections:
 
     def __bool__(self) -> bool:
         return bool(self._sections)
+
+    def named(self, name: str) -> Section | None:
+        return self._sections.get(name)
 
     def begin(self) -> None:
         """Begin a pass."""
@@ -108,8 +113,12 @@ class LinkerScript:
 
     code: tuple[MemoryBlock, ...]
     data: tuple[MemoryBlock, ...]
-    assigned: dict[str, str] = field(default_factory=dict)
+    assigned: Mapping[str, str] = field(default_factory=dict)
     """The block of a section, by the section's name."""
+    at: Mapping[str, int] = field(default_factory=dict)
+    """The address of a section, by the section's name, before that of the source."""
+    from_top: bool = False
+    """Code goes to the end of the highest block that it fits, as with pic-as."""
 
 
 EVERY_CHIP = LinkerScript(
@@ -159,22 +168,45 @@ def read_script(script: str, file: str) -> LinkerScript:
     return LinkerScript(tuple(code), tuple(data), assigned)
 
 
+_PLACED = re.compile(
+    r"(?P<name>[^=\s]+)=(?:0x(?P<prefixed>[0-9a-f]{1,4})|(?P<hexadecimal>[0-9a-f]{1,5})h|(?P<decimal>[0-9]{1,4}))",
+    re.I,
+)
+
+
+def read_place(option: str) -> tuple[str, int]:
+    """Return the section and the address of `ISR=4h`, as pic-as's linker takes it. Raises InputError."""
+    match = _PLACED.fullmatch(option)
+    if match is None:
+        raise InputError(
+            "asm-linker-script", f"--place {option} is not a section and its address", hint="ISR=4h, ISR=0x4"
+        )
+    if match["decimal"]:
+        return match["name"], int(match["decimal"])
+    return match["name"], int(match["prefixed"] or match["hexadecimal"], 16)
+
+
 def place(sources: Sequence[Sections], memory: LinkerScript) -> None:
     """Give every section its address. Raises InputError for one that has no room."""
     for is_code, blocks in ((True, memory.code), (False, memory.data)):
         groups = _groups(section for each in sources for section in each if section.is_code == is_code)
         free = _Free()
+        floating = []
         for group in groups:
-            if group[0].origin is not None:
-                free.take(group[0].span())
-        floating = [group for group in groups if group[0].origin is None and _size(group)]
+            at = memory.at.get(group[0].name, group[0].origin)
+            if at is not None:
+                _put(group, free, at)
+            elif _size(group):
+                floating.append(group)
         # Sorting keeps the order of equal sizes.
-        for group in sorted(floating, key=_size, reverse=True):
-            if group[0].name in memory.assigned:
-                _move(group, free, [b for b in blocks if b.name == memory.assigned[group[0].name]])
-        for group in sorted(floating, key=_size, reverse=True):
-            if group[0].name not in memory.assigned:
-                _move(group, free, [block for block in blocks if not block.protected])
+        floating.sort(key=_size, reverse=True)
+        for group in floating:
+            if block := _assigned(group, memory):
+                _move(group, free, [each for each in blocks if each.name == block])
+        for group in floating:
+            if not _assigned(group, memory):
+                allowed = [block for block in blocks if not block.protected]
+                _move(group, free, allowed, from_top=memory.from_top and is_code)
 
 
 def _groups(sections: Iterable[Section]) -> list[list[Section]]:
@@ -191,8 +223,14 @@ def _size(group: Sequence[Section]) -> int:
     return max(sizes) if group[0].kind == "udata_ovr" else sum(sizes)
 
 
-def _move(group: Sequence[Section], free: _Free, blocks: Sequence[MemoryBlock]) -> None:
-    """Move sections that become one to the smallest free block that they fit."""
+def _assigned(group: Sequence[Section], memory: LinkerScript) -> str | None:
+    return group[0].block or memory.assigned.get(group[0].name)
+
+
+def _move(
+    group: Sequence[Section], free: _Free, blocks: Sequence[MemoryBlock], *, from_top: bool = False
+) -> None:
+    """Move sections that become one to the smallest free block that they fit, or to the highest."""
     size = _size(group)
     fitting = [gap for gap in free.gaps(blocks) if len(gap) >= size]
     if not fitting:
@@ -202,8 +240,11 @@ def _move(group: Sequence[Section], free: _Free, blocks: Sequence[MemoryBlock]) 
             f"section '{group[0].name}' of {size} {unit} fits no free block of the chip's memory",
             group[0].place,
         )
-    base = min(fitting, key=len).start
-    free.take(range(base, base + size))
+    _put(group, free, fitting[-1].stop - size if from_top else min(fitting, key=len).start)
+
+
+def _put(group: Sequence[Section], free: _Free, base: int) -> None:
+    free.take(range(base, base + _size(group)))
     for section in group:
         section.base = base
         if section.kind != "udata_ovr":

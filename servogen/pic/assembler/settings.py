@@ -140,7 +140,7 @@ def _config_settings(state: Pass, statement: Statement) -> None:
         hint = "__config, with the names of p16c84.inc, works"
         raise SourceError("asm-config", "CONFIG does not know the PIC16C84", statement.column, hint)
     for part in statement.rest.split(","):
-        name, _, value = (piece.strip().upper() for piece in part.chars.partition("="))
+        name, _, value = (piece.strip(' \t"').upper() for piece in part.chars.partition("="))
         if name not in CONFIG_SETTINGS:
             raise SourceError(
                 "asm-config", f"unknown setting '{name}'", part.column(0), did_you_mean(name, CONFIG_SETTINGS)

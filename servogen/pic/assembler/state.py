@@ -112,6 +112,10 @@ class Pass:
     settings: list[str] = field(default_factory=list)
     """The settings made by CONFIG."""
     readers: list[LineReader] = field(default_factory=list)
+    pic_as: bool = False
+    """Whether the source is one for pic-as, see `psect`."""
+    lone_label: str | None = None
+    """The label of the line before, if it has nothing else."""
     turning: int = 0
     """The number of WHILEs around the current line."""
     turns: int = 0
@@ -129,7 +133,7 @@ class Pass:
         symbol = self.symbols.find(name)
         if symbol is not None:
             return symbol.value
-        if name in self.externs and name in self.exports:
+        if (name in self.externs or name in self.globals) and name in self.exports:
             return self.exports[name]
         return 0 if self.first or self.symbols.is_local(name) else None
 
@@ -249,6 +253,8 @@ class Pass:
             )
         if operation in self.directives:
             self.directives[operation](self, statement)
+        elif self.pic_as and statement.word in self.macros:
+            self._call(self.macros[statement.word], statement)
         elif operation.upper() in instructions.mnemonics():
             self._instruction(statement)
         elif statement.word in self.macros:
@@ -259,6 +265,7 @@ class Pass:
             raise SourceError(
                 "asm-unknown-operation", f"unknown operation '{statement.word}'", statement.column, hint
             )
+        self.lone_label = None if operation else statement.label
 
     @property
     def active(self) -> bool:

@@ -66,6 +66,10 @@ class Symbols:
     def defined(self, name: str) -> bool:
         return self.find(name) is not None
 
+    def in_this_pass(self, name: str) -> bool:
+        symbol = self.find(name)
+        return symbol is not None and symbol.in_pass == self.in_pass
+
     def define(self, name: str, value: int, kind: Kind, column: int) -> None:
         """Assign a value to a name. A constant or label can have only one value, the same in both passes."""
         table = self._table(name)

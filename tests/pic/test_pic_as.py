@@ -1,0 +1,140 @@
+"""Sources for pic-as: the words are those of an MPASM source that says the same."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from servogen.cli.app import app
+from servogen.errors import InputError
+from servogen.pic.assembler.assembly import AssemblySource, assemble, link
+from servogen.pic.image import from_hex
+
+PIC_AS = """\
+        PROCESSOR 16F84A
+        PAGEWIDTH 132
+#include <xc.inc>
+        CONFIG FOSC = XT, WDTE = OFF    // the others stay erased
+        config "CP" = OFF
+#define TURNS 3
+skpnz   MACRO                           /* a macro may have the name
+        btfsc   STATUS, STATUS_Z_POSITION  of a special mnemonic */
+        btfsc   STATUS, STATUS_Z_POSITION
+        ENDM
+        PSECT   udata
+flags:
+        ds      1
+time:   DS      2
+        PSECT   reset, class = CODE, delta = 2, abs
+        ORG     0
+        goto    main
+        ORG     4
+isr:    btfss   INTF
+        retfie
+        bcf     INTCON, INTCON_INTF_MASK shr 1
+        retfie
+        PSECT   code
+main:   BANKSEL TRISB
+        clrf    BANKMASK(TRISB)
+        bcf     STATUS, 5
+        movlw   10
+        movlw   0FFh and (TURNS or 4)
+        movlw   01010101B
+        movwf   time + 1
+        rrf     flags
+        skpnz
+        goto    $ - 1
+        movlw   low(main)
+        PSECT   edata
+        db      1, 'A'
+        END     isr
+"""
+MPASM = """\
+        list p=16f84a, r=dec
+        include <p16f84a.inc>
+        __config _XT_OSC & _WDT_OFF
+        org 0
+        goto main
+        org 4
+        btfss INTCON, INTF
+        retfie
+        bcf INTCON, 1
+        retfie
+        org 0x3F5
+main    bsf STATUS, RP0
+        clrf TRISB
+        bcf STATUS, RP0
+        movlw 10
+        movlw 7
+        movlw 0x55
+        movwf 0x0E
+        rrf 0x0C, f
+        btfsc STATUS, Z
+        goto $ - 1
+        movlw low(main)
+        org 0x2100
+        de 1, "A"
+        end
+"""
+
+
+def test_the_words_are_those_of_the_same_program_for_mpasm() -> None:
+    """`code` has eleven words, and lies at the end of the memory."""
+    ours = assemble(PIC_AS)
+    assert ours.image == assemble(MPASM).image
+    assert ours.listing.variables == ((0x0C, "flags", 1), (0x0D, "time", 2))
+    assert [each.code for each in ours.warnings] == ["asm-no-destination"]
+
+
+def test_an_error_has_its_line_and_column_below_comments_of_c() -> None:
+    with pytest.raises(InputError) as refused:
+        assemble(PIC_AS.replace("movlw   10\n", "movlw   ten\n"))
+    (error,) = refused.value.diagnostics
+    assert error.location is not None
+    assert (error.location.line, error.location.column) == (27, 17)
+    assert PIC_AS.splitlines()[26] == "        movlw   10"
+
+
+def test_a_global_name_may_be_defined_in_another_source() -> None:
+    head = "#include <xc.inc>\n global step, count\n"
+    main = head + " psect reset,class=CODE,delta=2,abs\n call step\n movwf count\n end\n"
+    step = head + " psect udata\ncount: ds 1\n psect code\nstep: return\n end\n"
+    words = link([AssemblySource(main), AssemblySource(step)]).image.program
+    assert words == {0: 0x23FF, 1: 0x008C, 0x3FF: 0x0008}
+    with pytest.raises(InputError, match="not previously defined: 'count'"):
+        link([AssemblySource(main.replace("count\n psect", "other\n psect")), AssemblySource(step)])
+
+
+@pytest.mark.parametrize(
+    ("line", "problem"),
+    [
+        ("psect mine", "has no class"),
+        ("psect mine,class=CODES,delta=2", "did you mean 'CODE'"),
+        ("psect mine,class=CODE", "delta=2"),
+        ("psect mine,klass=CODE", "did you mean 'class'"),
+        ("nop", "no section is open"),
+        ("org 4", "stands in no section"),
+        ("bcf STATUS, RP0", "at most 2"),
+    ],
+)
+def test_what_the_linker_could_not_place_is_refused(line: str, problem: str) -> None:
+    """RP0 is a register and a bit, so that the last has three operands."""
+    with pytest.raises(InputError) as refused:
+        assemble(f"#include <xc.inc>\n {line}\n psect code\n {line}\n")
+    assert any(problem in f"{each.message} {each.hint}" for each in refused.value.diagnostics)
+
+
+def test_a_section_goes_where_the_command_says(tmp_path: Path) -> None:
+    source = tmp_path / "it.s"
+    source.write_text(
+        "#include <xc.inc>\n psect go,class=CODE,delta=2\n nop\n psect isr,class=CODE,delta=2\n retfie\n"
+    )
+    arguments = ["assemble", str(source), "--place", "go=0", "--place", "isr=4h"]
+    assert CliRunner().invoke(app, arguments).exit_code == 0
+    words = from_hex((tmp_path / "it.hex").read_text(), "it.hex").program
+    assert words == {0: 0x0000, 4: 0x0009}
+    for wrong in ("run=4h", "isr", "isr=4k"):
+        done = CliRunner().invoke(app, ["assemble", str(source), "--place", wrong])
+        assert isinstance(done.exception, InputError) and wrong.partition("=")[0] in str(done.exception)
