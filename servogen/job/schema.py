@@ -178,6 +178,8 @@ class WalkTable(Table):
     route: tuple[SegmentTable, ...] = ()
     commands: CommandsTable | None = None
     """Instead of `route`: the robot stands, and walks as commanded."""
+    law: Literal["fastest"] | None = None
+    """The shortest cycle that the servos' limits allow, as without `cycle_s`."""
     cycle_s: float | None = Field(default=None, gt=0, le=MAX_S)
     lift_mm: float = Field(default=20.0, gt=0, le=MAX_MM)
     body_height_mm: float | None = Field(default=None, gt=0, le=MAX_MM)

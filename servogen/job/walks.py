@@ -60,7 +60,7 @@ def walk_of(
     return PlannedPoses(
         trajectory,
         warnings=(*heavy, *_walk_warnings(document, planned)),
-        notes=tuple(_notes(document, planned, job.servos)),
+        notes=tuple(_notes(job, planned)),
         parts=tuple(
             Part(f"segment {number} ({_way(row)})", begin)
             for number, (row, begin) in enumerate(zip(table.route, planned.begins, strict=True), 1)
@@ -139,7 +139,7 @@ def walk_on_command(
         )
         notes += [
             Diagnostic("note", "command", text, document.place(*key)),
-            *_notes(document, endless, job.servos),
+            *_notes(job, endless),
         ]
     first = directions[0]
     stance = JointTrajectory(
@@ -161,7 +161,8 @@ class _Walker:
     table: WalkTable
     robot: WalkingRobot
     gait: Gait
-    limits: JointLimits
+    limits: tuple[JointLimits, ...]
+    """Those of each joint of the robot's legs."""
     frames: int | None
     lost: float
     """The angle (radians) that the servos lose when a joint turns round, if it is compensated."""
@@ -205,6 +206,13 @@ class _Walker:
 def _walker(job: Job, table: WalkTable, limits: tuple[JointLimits, ...]) -> _Walker:
     """Return the walking robot with its gait and posture. Raises InputError."""
     document, robot = job.document, job.robot
+    if table.law is not None and table.cycle_s is not None:
+        raise document.error(
+            "conflicting-keys",
+            ("walk", "cycle_s"),
+            'law = "fastest" finds the time of a cycle itself',
+            "remove cycle_s, or law",
+        )
     if not isinstance(robot, WalkingRobot):
         raise document.error(
             "missing-robot", ("walk",), "a walk needs a walking robot", 'add [robot] name = "hexapod"'
@@ -222,12 +230,13 @@ def _walker(job: Job, table: WalkTable, limits: tuple[JointLimits, ...]) -> _Wal
         robot = robot.with_leg(table.leg)
     gait = _gait(document, table, whole, robot)
     frames = _frames(table, job.frame.period.cycles, job.clock)
+    by_joint = {binding.joint: limit for binding, limit in zip(job.bindings, limits, strict=True)}
     return _Walker(
         job=job,
         table=table,
         robot=robot,
         gait=gait,
-        limits=_least(limits),
+        limits=tuple(by_joint.get(name, limits[0]) for leg in robot.limbs for name in leg.joints),
         frames=frames,
         lost=_lost_motion(job) if table.compensate else 0.0,
     )
@@ -298,14 +307,6 @@ def posture_of(table: WalkTable) -> Posture:
     )
 
 
-def _least(limits: tuple[JointLimits, ...]) -> JointLimits:
-    """Return the strictest limits of all servos of a walk, because all joints make the same moves in turn."""
-    return JointLimits(
-        min((limit.speed for limit in limits), default=math.inf),
-        min((limit.acceleration for limit in limits), default=math.inf),
-    )
-
-
 def _bound(document: Document, trajectory: JointTrajectory, bindings: tuple[Binding, ...]) -> JointTrajectory:
     missing = [joint for joint in trajectory.joints if joint not in [binding.joint for binding in bindings]]
     if missing:
@@ -336,14 +337,16 @@ def _ended(trajectory: JointTrajectory, table: WalkTable) -> JointTrajectory:
     )
 
 
-def _notes(document: Document, planned: Walk, servos: Sequence[Servo]) -> list[Diagnostic]:
+def _notes(job: Job, planned: Walk) -> list[Diagnostic]:
+    document = job.document
     place = document.place("walk")
     seconds = float(planned.trajectory.clock.seconds(planned.trajectory.period)) * planned.frames_per_cycle
     notes = [
         Diagnostic(
             "note",
             "cycle",
-            f"a cycle takes {planned.frames_per_cycle} frames, {seconds:.6g} s{planned.stretched_text()}",
+            f"a cycle takes {planned.frames_per_cycle} frames, {seconds:.6g} s{planned.stretched_text()}"
+            f"{_held_by(document, planned, job.bindings)}",
             place,
         ),
         *(Diagnostic("note", "phase", change.text(), place) for change in planned.changes),
@@ -355,7 +358,7 @@ def _notes(document: Document, planned: Walk, servos: Sequence[Servo]) -> list[D
             place,
         ),
         Diagnostic("note", "slip", planned.slip.text(), place),
-        *_lost_motion_notes(document, planned, servos),
+        *_lost_motion_notes(document, planned, job.servos),
         Diagnostic("note", "lift", f"the feet rise {1000 * planned.lift_m:z.1f} mm", place),
     ]
     if math.isfinite(planned.minimum_margin_m):
@@ -364,6 +367,15 @@ def _notes(document: Document, planned: Walk, servos: Sequence[Servo]) -> list[D
             text = f"the robot falls: {-1000 * planned.minimum_margin_m:z.1f} mm outside its feet at worst"
         notes.append(Diagnostic("note", "stability", text, place))
     return notes
+
+
+def _held_by(document: Document, planned: Walk, bindings: Sequence[Binding]) -> str:
+    """Return in words which servo holds the shortest cycle back; empty if the job states a time."""
+    if planned.tightest is None or "cycle_s" in document.data["walk"]:
+        return ""
+    joint, limit = planned.tightest
+    servo = next(binding.servo for binding in bindings if binding.joint == joint)
+    return f", the shortest; {servo} comes nearest to its limits: up to {limit.text}"
 
 
 def _lost_motion_notes(document: Document, planned: Walk, servos: Sequence[Servo]) -> Iterator[Diagnostic]:

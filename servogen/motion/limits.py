@@ -10,12 +10,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from servogen.errors import InputError
 from servogen.motion.laws import BEND, Law, law
 from servogen.motion.trajectory import Floats
+
+SAME_DIGITS = 9
+"""Digits to which shares of limits are compared."""
 
 STILL = 1e-9
 """A travel below this (radians, metres) takes no time."""
@@ -119,17 +123,38 @@ def at_rest(angles: Floats) -> Floats:
     return np.concatenate((angles[:1], angles, angles[-1:]))
 
 
-def stretch(angles: Floats, step_s: float, limits: Sequence[JointLimits]) -> float:
-    """Return the factor by which samples `step_s` apart must be slowed down to keep the limits, up to 1 if
-    they do already.
+class Tightest(NamedTuple):
+    """The limit that samples come nearest to, or exceed most: `factor` is 1 where they just keep it."""
+
+    factor: float
+    joint: int
+    order: int
+    """Of the derivative: 1 for speed, 2 for acceleration, 3 for jerk."""
+
+    @property
+    def text(self) -> str:
+        """Return the share of the limit that is used, in words."""
+        kind = ("speed", "acceleration", "jerk")[self.order - 1]
+        return f"{100 * self.factor**self.order:.0f} % of its {kind}"
+
+
+def tightest(angles: Floats, step_s: float, limits: Sequence[JointLimits]) -> Tightest:
+    """Return the limit that samples (n, joints) `step_s` apart come nearest to, and the factor by which they
+    must be slowed down to keep it, up to 1 if they do already.
 
     A duration k times as long divides speeds by k, accelerations by k² and jerks by k³; only the acceleration
     from rest at once to a speed falls with k, so that a longer duration must be examined again.
     """
-    worst = 0.0
-    for column, limit in zip(angles.T, limits, strict=True):
-        for order, limit_value in ((1, limit.speed), (2, limit.acceleration), (3, limit.jerk)):
-            if len(column) > order and not math.isinf(limit_value):
+    found = [Tightest(0.0, 0, 1)]
+    for joint, (column, limit) in enumerate(zip(angles.T, limits, strict=True)):
+        for order, most in ((1, limit.speed), (2, limit.acceleration), (3, limit.jerk)):
+            if len(column) > order and not math.isinf(most):
                 peak = float(np.abs(np.diff(column, order)).max()) / step_s**order
-                worst = max(worst, (peak / limit_value) ** (1 / order))
-    return worst
+                found.append(Tightest((peak / most) ** (1 / order), joint, order))
+    # Of equal ones the first, on every machine.
+    return max(found, key=lambda each: round(each.factor, SAME_DIGITS))
+
+
+def stretch(angles: Floats, step_s: float, limits: Sequence[JointLimits]) -> float:
+    """Return the factor of the `tightest` limit."""
+    return tightest(angles, step_s, limits).factor

@@ -138,6 +138,30 @@ def test_without_a_time_the_slowest_of_all_servos_sets_the_cycle() -> None:
     assert notes(geared, "cycle") == notes(slow, "cycle")
 
 
+def test_the_fastest_walk_names_the_servo_that_sets_its_cycle() -> None:
+    """One servo of twelve is slow: a cycle of one grain of frames less is too fast for it."""
+
+    def planned(time: str) -> PlannedJob:
+        slow = servos().replace('joint = "L2_beta"', 'joint = "L2_beta"\nspeed_deg_s = 100')
+        walk = f"[walk]\nbody_height_mm = 130\n{time}\nroute = [{{ forward_mm = 30, cycles = 1 }}]\n"
+        return plan_job(loads(f'{HEAD}{slow}[robot]\nname = "hexapod"\n{walk}', "job.toml"))
+
+    def speed(job: PlannedJob) -> float:
+        column = job.trajectory.angles[:, job.trajectory.joints.index("s3")]
+        return math.degrees(np.abs(np.diff(column)).max()) / 0.02
+
+    fastest = planned('law = "fastest"')
+    (said,) = notes(fastest, "cycle")
+    assert said.endswith(f"; s3 comes nearest to its limits: up to {speed(fastest):.0f} % of its speed")
+    assert notes(planned(""), "cycle") == [said]
+    assert speed(fastest) <= 100 < speed(planned(f"cycle_s = {0.02 * (int(said.split()[3]) - 2):g}"))
+
+
+def test_the_fastest_walk_has_no_time_of_its_own() -> None:
+    with pytest.raises(InputError, match='law = "fastest" finds the time of a cycle itself'):
+        walk('law = "fastest"\ncycle_s = 1\nroute = [{ forward_mm = 30, cycles = 1 }]')
+
+
 def test_lost_motion_is_the_servo_s_over_its_ratio_and_said_to_be_assumed() -> None:
     """Tiny-S: a dead band of 2 µs on both sides at 0.36° per µs; with a ratio of 1.25 four fifths of that."""
     route = "body_height_mm = 130\ncycle_s = 1\nroute = [{ forward_mm = 30, cycles = 1 }]"

@@ -168,7 +168,8 @@ def main() -> None:
             lines.compare(robot, random, not given.without_torque)
         print(
             f"{name:16} {given.lines} lines, {lines.limited} limited by torque: duration / TOPP-RA's "
-            f"{np.nanmin(lines.ratios):.4f} to {np.nanmax(lines.ratios):.4f}, "
+            f"{np.nanmin(lines.ratios):.4f} to {np.nanmax(lines.ratios):.4f}, median "
+            f"{np.nanmedian(lines.ratios):.4f}, "
             f"{int(np.isnan(lines.ratios).sum())} without; in whole frames at most "
             f"{np.nanmax(lines.frames):.3f}; planned in at most {max(lines.seconds):.2f} s",
             flush=True,

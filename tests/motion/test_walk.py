@@ -18,6 +18,7 @@ from servogen.motion.gait.walk import Walk, walk
 from servogen.motion.limits import JointLimits, stretch
 from servogen.robot.model import Mount
 from servogen.units import Clock, Cycles
+from tests.campaigns import sampled
 from tests.motion.robots import hexapod
 
 SIX_LEGGED = ("tripod", "ripple", "wave")
@@ -100,13 +101,33 @@ def test_a_walk_begins_and_ends_standing_in_the_same_posture(name: str, way: str
 @pytest.mark.parametrize("segments", [(FOREVER,), tuple(SEGMENTS.values())], ids=["for ever", "all"])
 def test_no_joint_is_asked_for_more_than_its_servo_can_do(name: str, segments: tuple[Segment, ...]) -> None:
     made = walked(name, *segments, frames=None, limits=SERVO)
+    assert asked_of(made, SERVO) <= 1 + 1e-9
+
+
+def asked_of(made: Walk, *limits: JointLimits) -> float:
+    """The factor by which a walk from standing must be slowed down for the limits of a leg's joints."""
     angles, start = made.trajectory.angles, made.trajectory.loop_start
-    around = np.concatenate((angles, angles[start:], angles[start : start + 2]))
-    assert stretch(around, FRAME_S, [SERVO] * 12) <= 1 + 1e-9
-    # One grain of frames fewer would be too fast.
-    robot = hexapod()
-    grain, count = gait(name, robot).grain, len(walked(name, FOREVER, frames=None, limits=SERVO).ground)
-    assert count > grain
+    around = np.concatenate((angles[:1], angles, angles[start:], angles[start : start + 2]))
+    return stretch(around, FRAME_S, [*limits] * (12 // len(limits)))
+
+
+@pytest.mark.parametrize("name", sampled(SIX_LEGGED))
+@pytest.mark.parametrize(
+    "leg",
+    [
+        (JointLimits(1.5), JointLimits(6.0)),
+        (JointLimits(8.0), JointLimits(1.2)),
+        (JointLimits(8.0, 30.0), JointLimits(8.0)),
+    ],
+    ids=["alpha's speed", "beta's speed", "alpha's acceleration"],
+)
+def test_no_shorter_cycle_keeps_the_limits_of_each_joint(name: str, leg: tuple[JointLimits, ...]) -> None:
+    made = walked(name, FOREVER, frames=None, limits=leg * 6)
+    count, grain = made.frames_per_cycle, gait(name, hexapod()).grain
+    assert made.tightest is not None
+    assert made.tightest[1].factor == pytest.approx(asked_of(made, *leg)) and asked_of(made, *leg) <= 1
+    for fewer in (1, 2, 5):
+        assert asked_of(walked(name, FOREVER, frames=count - fewer * grain), *leg) > 1
 
 
 @pytest.mark.parametrize("name", SIX_LEGGED)

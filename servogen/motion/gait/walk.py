@@ -7,7 +7,7 @@ each frame, the feet, the corrections that the legs' springs must yield, and the
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,11 +17,11 @@ from servogen.errors import InputError
 from servogen.kinematics.protocol import Posture, WalkingRobot
 from servogen.kinematics.stance import tilt
 from servogen.motion.gait.collisions import GAP_M, nearest_collision
-from servogen.motion.gait.footwork import MAX_BEYOND, Frames, HeldBack, footwork, joined
+from servogen.motion.gait.footwork import MAX_BEYOND, Footwork, Frames, HeldBack, footwork, joined
 from servogen.motion.gait.phases import Gait, PhaseChange
 from servogen.motion.gait.stability import margin
 from servogen.motion.gait.steps import SAME_M, Segment
-from servogen.motion.limits import JointLimits, at_rest, stretch
+from servogen.motion.limits import JointLimits, Tightest, tightest
 from servogen.motion.trajectory import MAX_FRAMES, Floats, JointTrajectory
 from servogen.robot.model import Joint
 from servogen.units import Clock, Cycles
@@ -55,6 +55,8 @@ MAX_LIFTOFF_SLIDE = 3.0
 
 MAX_LEAN_SLIP = 0.1
 """The largest correction, as a share of a step, that legs of two joints may need while the body leans."""
+
+NO_LIMITS = JointLimits()
 
 SAME_DIGITS = 9
 """Digits of metres to which distances are compared, so that every machine names the same frame."""
@@ -117,6 +119,8 @@ class Walk:
     """Phases of the gait that rounding to frames has moved by more than half a frame."""
     needed_frames: int = 0
     """The frames of a cycle that were asked for, or that the limits need; the gait rounds them up."""
+    tightest: tuple[str, Tightest] | None = None
+    """The limit that the walk comes nearest to, with its joint; None without limits."""
 
     @property
     def leg_angles(self) -> Floats:
@@ -213,7 +217,7 @@ def walk(
     clock: Clock,
     *,
     frames_per_cycle: int | None = None,
-    limits: JointLimits | None = None,
+    limits: JointLimits | Sequence[JointLimits] = NO_LIMITS,
     spring_m: float | None = None,
     allow_falling: bool = False,
     others: Sequence[Segment] = (),
@@ -222,13 +226,13 @@ def walk(
 ) -> Walk:
     """Return the walk along `segments`, each from standstill to standstill; only the last may be endless.
 
-    A cycle takes at least `frames_per_cycle` frames; None: as few as `limits` (of a servo) allow. It is a
-    multiple of the gait's grain if that is small; otherwise the gait's phases are moved to frames. An endless
-    walk loops over one cycle, others over the whole route. `spring_m` is the maximum correction of a leg's
-    spring. `others` are segments of other walks with which the same robot may continue: its stance suits
-    these too. `lost` is the angle (radians) that the servos lose when a joint reverses: swings overshoot
-    their footholds so that it is taken up before the feet land. `gap` is the least distance (metres) between
-    the centre lines of two legs, or a leg and the body.
+    A cycle takes at least `frames_per_cycle` frames; None: as few as `limits`, of all joints or of each in
+    turn, allow. It is a multiple of the gait's grain if that is small; otherwise the gait's phases are moved
+    to frames. An endless walk loops over one cycle, others over the whole route. `spring_m` is the maximum
+    correction of a leg's spring. `others` are segments of other walks with which the same robot may continue:
+    its stance suits these too. `lost` is the angle (radians) that the servos lose when a joint reverses:
+    swings overshoot their footholds so that it is taken up before the feet land. `gap` is the least distance
+    (metres) between the centre lines of two legs, or a leg and the body.
 
     Raises InputError for a posture that the legs cannot take, a step beyond their limits, legs that meet, a
     correction that is too large and, unless `allow_falling`, for a robot that would fall over.
@@ -237,14 +241,14 @@ def walk(
         raise InputError("no-pulses", "a walk needs at least one segment")
     if any(segment.cycles is None for segment in segments[:-1]):
         raise InputError("endless-motion", "only the last segment of a walk can be endless")
-    limits = limits or JointLimits()
-    if frames_per_cycle is None and math.isinf(limits.speed):
-        raise InputError(
-            "no-speed", "the speed of the cycle is not known", hint="state its time, or a speed limit"
-        )
     plan = footwork(robot, gait, posture, (*segments, *others))
     names = plan.legs
     joints = {name: joint for leg in robot.limbs for name, joint in leg.joints.items()}
+    each = [limits] * len(joints) if isinstance(limits, JointLimits) else limits
+    if frames_per_cycle is None and any(math.isinf(limit.speed) for limit in each):
+        raise InputError(
+            "no-speed", "the speed of the cycle is not known", hint="state its time, or a speed limit"
+        )
     minimum = math.ceil(MIN_SWING / gait.swing)
     if frames_per_cycle is not None and frames_per_cycle < minimum:
         raise InputError(
@@ -252,52 +256,24 @@ def walk(
             f"a cycle of {frames_per_cycle} frames is too short for the gait '{gait.name}'",
             hint=f"at least {minimum} frames: each swing takes {MIN_SWING} or more",
         )
-    needed = frames_per_cycle or minimum
-    count = _whole(gait, needed)
-    cycles = sum(1 if segment.cycles is None else segment.cycles for segment in segments)
-    while True:
-        if not count * cycles <= MAX_FRAMES:
-            raise InputError(
-                "too-many-frames",
-                f"the walk is more than {MAX_FRAMES} frames long",
-                hint="walk fewer cycles, or faster ones",
-            )
-        # Phases, footholds and the overshoot depend on the number of frames: with another number all is
-        # planned again.
-        rounded = gait.on_frames(count)
-        plan = replace(plan, gait=rounded)
-        plan = replace(plan, beyond=plan.reach_beyond((*segments, *others), count, lost))
-        parts, begins = plan.frames_of_route(segments, count)
-        frames = joined(parts)
-        loop_start = len(frames.angles) - count if segments[-1].cycles is None else 0
-        angles = frames.angles.reshape(len(frames.angles), -1)
-        _check_limits(joints, angles)
-        # Three more frames show the speed, acceleration and jerk across the end of the loop.
-        around = np.concatenate((angles, angles[loop_start : loop_start + 3]))
-        slower = max(
-            stretch(samples, float(clock.seconds(period)), [limits] * angles.shape[1])
-            # It stands before its first frame, and after its last one unless it is endless.
-            for samples in (around, at_rest(angles) if loop_start == 0 else at_rest(angles)[:-1])
-        )
-        if frames_per_cycle is not None or slower <= 1:
-            break
-        # A slower walk may need less than the factor says, so it is at most doubled each time.
-        needed = max(count + 1, math.ceil(count * min(slower, 2.0)))
-        count = _whole(gait, needed)
-        if count > MAX_FRAMES_PER_CYCLE:
-            raise InputError(
-                "cycle-time",
-                "the limits of the servos require a cycle of more than a minute",
-                hint="shorten the stride, or raise the limits",
-            )
+
+    def timed(count: int) -> _Timed:
+        return _timed(plan, gait, segments, others, count, lost, float(clock.seconds(period)), each)
+
+    if frames_per_cycle is None:
+        made = _shortest(gait, timed, minimum)
+    else:
+        made = timed(_whole(gait, frames_per_cycle))
+    plan, count, frames, loop_start = made.plan, made.count, made.frames, made.loop_start
+    angles = made.angles
+    _check_limits(joints, angles)
     trajectory = JointTrajectory(
         joints=tuple(joints), clock=clock, period=period, angles=angles, loop_start=loop_start
     )
     margins = _margins(plan.centre, frames, loop_start)
-    changes = rounded.changes_from(gait, count)
     result = Walk(
         trajectory=trajectory,
-        begins=begins,
+        begins=made.begins,
         legs=names,
         feet=frames.feet,
         ground=frames.ground,
@@ -311,8 +287,9 @@ def walk(
         level=tilt(posture),
         beyond=plan.beyond,
         lost=lost,
-        changes=changes,
-        needed_frames=needed,
+        changes=plan.gait.changes_from(gait, count),
+        needed_frames=frames_per_cycle or count,
+        tightest=None if made.tight.factor == 0 else (tuple(joints)[made.tight.joint], made.tight),
     )
     _refuse(result, spring_m, allow_falling)
     if plan.margin is not None and not plan.stance.free and spring_m is None:
@@ -326,6 +303,75 @@ def walk(
             "(heading_deg); if yours are thinner, state the gap (gap_mm, --gap-mm)",
         )
     return result
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Timed:
+    """A route in cycles of `count` frames, and the limit that it comes nearest to."""
+
+    count: int
+    plan: Footwork
+    begins: tuple[int, ...]
+    frames: Frames
+    angles: Floats
+    loop_start: int
+    tight: Tightest
+
+
+def _timed(
+    plan: Footwork,
+    gait: Gait,
+    segments: Sequence[Segment],
+    others: Sequence[Segment],
+    count: int,
+    lost: float,
+    frame_s: float,
+    limits: Sequence[JointLimits],
+) -> _Timed:
+    """Return the route in cycles of `count` frames. Raises InputError if it is too long."""
+    cycles = sum(1 if segment.cycles is None else segment.cycles for segment in segments)
+    if not count * cycles <= MAX_FRAMES:
+        raise InputError(
+            "too-many-frames",
+            f"the walk is more than {MAX_FRAMES} frames long",
+            hint="walk fewer cycles, or faster ones",
+        )
+    # Phases, footholds and the overshoot depend on the number of frames: with another number all is planned
+    # again.
+    plan = replace(plan, gait=gait.on_frames(count))
+    plan = replace(plan, beyond=plan.reach_beyond((*segments, *others), count, lost))
+    parts, begins = plan.frames_of_route(segments, count)
+    frames = joined(parts)
+    loop_start = len(frames.angles) - count if segments[-1].cycles is None else 0
+    angles = frames.angles.reshape(len(frames.angles), -1)
+    # It stands before its first frame. Three more frames show the speed, acceleration and jerk across the end
+    # of the loop, which a walk that is not endless begins and ends standing.
+    around = np.concatenate((angles[:1], angles, angles[loop_start : loop_start + 3]))
+    tight = tightest(around, frame_s, limits)
+    return _Timed(count, plan, begins, frames, angles, loop_start, tight)
+
+
+def _shortest(gait: Gait, timed: Callable[[int], _Timed], minimum: int) -> _Timed:
+    """Return the walk in the fewest frames of a cycle that keep the limits. Raises InputError for more than a
+    minute.
+    """
+    grain, failed = _whole(gait, 1), 0
+    made = timed(_whole(gait, minimum))
+    while made.tight.factor > 1:
+        failed = made.count
+        # A slower walk may need less than the factor says, so it is at most doubled each time.
+        count = _whole(gait, max(failed + 1, math.ceil(failed * min(made.tight.factor, 2.0))))
+        if count > MAX_FRAMES_PER_CYCLE:
+            raise InputError(
+                "cycle-time",
+                "the limits of the servos require a cycle of more than a minute",
+                hint="shorten the stride, or raise the limits",
+            )
+        made = timed(count)
+    while made.count - failed > grain and failed:
+        middle = timed(_whole(gait, (failed + made.count) // 2))
+        made, failed = (made, middle.count) if middle.tight.factor > 1 else (middle, failed)
+    return made
 
 
 def _whole(gait: Gait, frames: int) -> int:
