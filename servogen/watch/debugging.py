@@ -7,12 +7,17 @@ for the editor, and what the window shows then.
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Never
 
 from servogen.dap import DebugSession, Loaded
 from servogen.errors import InputError
 from servogen.programs import Program
 from servogen.watch.session import Message, WatchSession
+
+
+def _read_nothing(path: Path, device: str | None) -> Never:
+    raise InputError("not-allowed", "launch: a page's debugger has the page's program only")
 
 
 class Debugging:
@@ -31,7 +36,7 @@ class Debugging:
         def refuse(url: str, send: Callable[[Message], None]) -> Never:
             raise InputError("not-allowed", f"attach: {why}")
 
-        self._editor = DebugSession(send, connect=refuse)
+        self._editor = DebugSession(send, _read_nothing, refuse)
         if session is None or session.editor is not None or session.chip is None:
             return
         subject = session.subject

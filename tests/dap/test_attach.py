@@ -121,13 +121,17 @@ def test_what_the_page_lets_run_the_editor_can_pause_and_a_closed_server_ends_it
     editor.event("terminated")
 
 
-def test_nobody_attaches_without_the_address_that_the_person_was_given(server: Running) -> None:
+def test_nobody_attaches_without_the_address_that_the_person_was_given(
+    server: Running, tmp_path: Path
+) -> None:
     for url, why in (
         (f"http://{server.host}/wrong/", "403"),
         ("http://example.org:80/token/", "not a page on this machine"),
         ("http://127.0.0.1:x/", "not a page on this machine"),
         (server.server.url, "open the address in a browser first"),
     ):
-        attached = Editor(url).attached
-        assert not attached["success"] and why in attached["message"]
+        editor = Editor(url)
+        assert not editor.attached["success"] and why in editor.attached["message"]
+    refused = editor.ask("launch", program=str(tmp_path / "main.asm"))
+    assert "the page's program only" in refused["message"], "the server reads no other file"
     assert server.handshake(Origin="http://example.org", socket="dap") == 403
