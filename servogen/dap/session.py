@@ -31,6 +31,7 @@ from servogen.simulator import LevelChange, Levels, SimulatorOptions, Stimuli, l
 THREAD = 1
 SLICE_S = 0.2
 """Seconds of the chip between two looks for a request, while it runs."""
+NOTHING_YET = "nothing is debugged yet: the first request is 'launch' or 'attach'"
 MAX_STEPS = 2_000
 """The lines that "step over" and "step out" run through before they stop in the middle."""
 PINS_OF, REGISTERS, VARIABLES, EEPROM = 1, 2, 3, 4
@@ -290,9 +291,9 @@ class DebugSession:
 
     def _data_breakpoint_info(self, given: Body) -> Body:
         """Return how to stop at each change of a variable, a byte of RAM or a pin, if it is one."""
-        text = f"{given['name']} changes"
+        text, listing = f"{given['name']} changes", self._need_loaded().listing
         try:
-            parse_breakpoint(text, self._need_loaded().listing)
+            parse_breakpoint(text, listing)
         except InputError as error:
             return {"dataId": None, "description": error.message}
         return {"dataId": text, "description": text, "accessTypes": ["write"], "canPersist": True}
@@ -315,6 +316,7 @@ class DebugSession:
         return {"breakpoints": answers}
 
     def _configuration_done(self, given: Body) -> None:
+        self._need_chip()
         if self._runs_at_first is not None:
             self.running = self._runs_at_first
 
@@ -587,12 +589,16 @@ class DebugSession:
 
     def _need_chip(self) -> TimeMachine:
         if self._chip is None:
-            raise InputError("missing-option", "nothing is debugged yet: the first request is 'launch'")
+            raise InputError(
+                "missing-option", "nothing is debugged yet: the first request is 'launch' or 'attach'"
+            )
         return self._chip
 
     def _need_loaded(self) -> Loaded:
         if self._loaded is None:
-            raise InputError("missing-option", "nothing is debugged yet: the first request is 'launch'")
+            raise InputError(
+                "missing-option", "nothing is debugged yet: the first request is 'launch' or 'attach'"
+            )
         return self._loaded
 
 

@@ -188,6 +188,7 @@ def answers(*requests: dict[str, object]) -> list[dict[str, Any]]:
     [
         ({"command": "fly"}, "'fly' is not a request"),
         ({"command": "next", "arguments": {"threadId": 1}}, "the first request is 'launch'"),
+        ({"command": "configurationDone"}, "the first request is 'launch'"),
         ({"command": "launch", "arguments": {}}, "'program' is not the path"),
         ({"command": "launch", "arguments": {"program": "none.c"}}, "none.c"),
         ({"command": "launch", "arguments": {"program": "x.c", "stimuls": "y"}}, "unknown key 'stimuls'"),
