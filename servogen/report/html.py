@@ -14,6 +14,8 @@ from jinja2 import Environment, StrictUndefined, TemplateError
 
 from servogen.edges import PINS, EdgeTrace
 from servogen.engines.c_text import RenderError
+from servogen.engines.inputs import given
+from servogen.engines.inputs.tape import Tape
 from servogen.errors import Diagnostic, Location
 from servogen.job import PlannedJob
 from servogen.motion.trajectory import Floats
@@ -120,7 +122,7 @@ def _values(facts: PageFacts) -> dict[str, object]:
         "tiles": tuple(_tiles(facts)),
         "chip": f"{job.device.name}, {job.clock.hz / 1e6:g} MHz crystal ({oscillator_for(job.clock.hz)}); "
         f"one instruction cycle is {float(job.clock.cycle_us):g} µs",
-        "pins": package(job.servos),
+        "pins": package(job.servos, given(job.inputs, Tape)),
         "wiring": tuple(wiring_rows(job)),
         "remarks": tuple(_ohm(line) for line in (*open_drain(job), *remarks(job))),
         "angles": angle_chart(job, schedule),

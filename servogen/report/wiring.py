@@ -57,9 +57,8 @@ def wires(job: Job) -> Iterator[Wire]:
             yield Wire(numbers[stream.transmit_pin], stream.transmit_pin, "serial line out, 5 V, idle high")
     tape = given(job.inputs, Tape)
     if tape is not None:
-        bus = (("SCL (6)", tape.scl), ("SDA (5)", SDA))
-        for line, pin in bus:
-            yield Wire(numbers[pin], pin, f"{line} of the {tape.eeprom} with tape.bin, 4.7 kOhm to VDD")
+        for line, pin in (("SCL (6)", tape.scl), ("SDA (5)", SDA)):
+            yield Wire(numbers[pin], pin, f"{line} of the {tape.eeprom}, 4.7 kOhm to VDD")
         if tape.error_pin is not None:
             yield Wire(numbers[tape.error_pin], tape.error_pin, "out: high once the tape could not be read")
     chips = given(job.inputs, FrameWire)
@@ -99,7 +98,7 @@ def remarks(job: Job) -> Iterator[str]:
         yield f"Peak current not stated by the maker of: {', '.join(unknown)}."
     yield "The servos take it from a supply of their own, not through the chip's."
     if given(job.inputs, Tape) is not None:
-        yield "The EEPROM: pins 1 to 4 (A0 to A2, VSS) to ground, 8 (VCC) and 7 (WP, against writes) to +5 V."
+        yield "The EEPROM holds tape.bin: pins 1 to 4 (A0 to A2, VSS) to ground, 8 (VCC) and 7 (WP) to +5 V."
     yield from job.buttons.text()
     if job.commands:
         yield from job.commands.text()
@@ -107,7 +106,7 @@ def remarks(job: Job) -> Iterator[str]:
 
 @dataclass(frozen=True, slots=True)
 class PackagePin:
-    """A leg of the chip in the drawing of its package."""
+    """A leg of the chip in the drawing of its package: what is on it, and the colour if that is a servo."""
 
     number: int
     name: str
@@ -117,15 +116,16 @@ class PackagePin:
     left: bool
 
 
-def package(servos: Sequence[Servo]) -> tuple[PackagePin, ...]:
+def package(servos: Sequence[Servo], tape: Tape | None = None) -> tuple[PackagePin, ...]:
     """Return the DIP from above: pins 1 to 9 down the left side, 18 to 10 down the right."""
+    lines = {tape.scl: "SCL, 4.7 kΩ", SDA: "SDA, 4.7 kΩ"} if tape else {}
     index = {servo.pin: number for number, servo in enumerate(servos)}
     pins = []
     for pin in PACKAGE:
         left = pin.number <= PACKAGE_ROWS
         row = pin.number - 1 if left else len(PACKAGE) - pin.number
         number = index.get(pin.name)
-        servo = "" if number is None else servos[number].name
+        servo = lines.get(pin.name, "") if number is None else servos[number].name
         colour = "" if number is None else PALETTE[number % len(PALETTE)]
         pins.append(
             PackagePin(

@@ -41,7 +41,7 @@ from servogen.workflows.verification import checked_cycles, judge_edges, running
 if TYPE_CHECKING:
     from servogen.answers import PairBuildFacts, PairVerdictAnswer
 
-ONE_RUN = "This is one run of each pair. What holds for every power-up and wire: servogen prove FOLDER."
+ONE_RUN = "This is one run of each pair. What holds for every power-up and wire: servogen prove {folder}."
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +104,7 @@ class PairBuild:
             *verdicts,
             *self.programs(),
             f"wiring and every servo: {folder / 'report.html'}, report.txt",
-            ONE_RUN,
+            ONE_RUN.format(folder=folder),
         ]
 
     def programs(self) -> list[str]:
@@ -333,7 +333,7 @@ def pair_html(result: PairBuild) -> str:
                 )
                 for dialect, verdict in result.verdicts.items()
             ],
-            ONE_RUN,
+            ONE_RUN.format(folder="of this folder"),
         )
     )
 
@@ -354,5 +354,5 @@ def pair_report(result: PairBuild) -> str:
         lines += ["", f"{folder}: {pins}", f"{programs}; all of it in {folder}/report.txt"]
     for dialect, verdict in result.verdicts.items():
         lines += ["", f"{dialect}:", *(f"  {line}" for line in verdict.lines())]
-    lines += ["", ONE_RUN]
+    lines += ["", ONE_RUN.format(folder="of this folder")]
     return "\n".join(line.rstrip() for line in lines) + "\n"

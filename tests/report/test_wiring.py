@@ -9,12 +9,15 @@ from typing import Any
 
 import pytest
 
+from servogen.engines.inputs import given
 from servogen.engines.inputs.buttons import ButtonPin
 from servogen.engines.inputs.commands import CommandButton, CommandButtons, CommandLine
+from servogen.engines.inputs.tape import Tape
 from servogen.job import Job, loads
 from servogen.report.drawing import PALETTE
 from servogen.report.wiring import open_drain, package, remarks, wires
 from servogen.template_files import template_folder
+from tests.engines.tape.tape_jobs import job as tape_job
 
 CHIP = '[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n'
 SERVO = '[[servo]]\nname = "{name}"\npin = "{pin}"\nmodel = "futaba-s3001"\n'
@@ -151,3 +154,13 @@ def test_the_thirteen_pins_have_colours_of_their_own_and_a_fourteenth_servo_the_
         [*(replace(servo, name=pin, pin=pin) for pin in pins), replace(servo, name="x", pin="RB0")]
     )
     assert [(pin.servo, pin.colour) for pin in again if pin.name == "RB0"] == [("x", PALETTE[0])]
+
+
+def test_the_bus_of_a_tape_stands_beside_its_pins_with_its_resistors() -> None:
+    taped = tape_job(tape='scl_pin = "RA2"\nerror_pin = "RA0"', foot="RB2")
+    tape = given(taped.inputs, Tape)
+    drawn = {pin.name: pin.servo for pin in package(taped.servos, tape) if pin.servo}
+    bus = {"RA2": "SCL, 4.7 kΩ", "RA4": "SDA, 4.7 kΩ"}
+    assert drawn == {"RB0": "arm", "RB1": "hand", "RB2": "foot", **bus}
+    uses = {wire.pin: wire.use for wire in wires(taped)}
+    assert uses["RA2"] == "SCL (6) of the 24LC256, 4.7 kOhm to VDD" and "high once" in uses["RA0"]
