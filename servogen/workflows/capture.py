@@ -61,6 +61,8 @@ PATIENCE_S = 5.0
 """The time to wait in addition to the duration of the capture itself."""
 MAX_DRIFT = Fraction(1, 1000)
 """The maximum slowness of a chip's crystal for which a capture is still long enough."""
+BYTE_EDGES = 28
+"""The changes of SCL and SDA in a byte with its acknowledge, at most: nine clocks, and SDA around each."""
 SUMP_DRIVER = "ols"
 """sigrok's only driver that can count equal samples."""
 
@@ -329,22 +331,19 @@ def wanted_of(schedule: PulseSchedule | None, seconds: float | None) -> CaptureN
     period = schedule.clock.seconds(schedule.period)
     loop, maximum = _moments(schedule.loop)
     begin, more = _moments(schedule.lead_in)
-    if seconds is None:
-        frames = schedule.lead_in_frames + schedule.loop_frames
-        return CaptureNeeds(
-            period_s=period,
-            edges=max(loop, begin),
-            frames=frames,
-            fewest=min(loop, begin or loop),
-            most=max(maximum, more),
-        )
-    frames = ceil(_exact(seconds) / period)
+    # The analyser's channels are also on the bus of a tape: at most a full record, and the way back to it.
+    bus = 0 if schedule.tape is None else BYTE_EDGES * (2 * len(schedule.channels) + 8)
+    edges, frames = (
+        (max(loop, begin), schedule.lead_in_frames + schedule.loop_frames)
+        if seconds is None
+        else (Fraction(max(maximum, more)), ceil(_exact(seconds) / period))
+    )
     return CaptureNeeds(
         period_s=period,
-        edges=Fraction(max(maximum, more)),
+        edges=edges + bus,
         frames=frames,
         fewest=min(loop, begin or loop),
-        most=max(maximum, more),
+        most=max(maximum, more) + bus,
     )
 
 

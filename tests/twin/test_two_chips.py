@@ -1,6 +1,9 @@
-"""The twin of a robot whose servos are on two chips: one physics, and both chips in one time."""
+"""The twin of a robot whose servos are on two chips: one physics, and both chips in one time;
+and of one whose motion is on a tape.
+"""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -15,20 +18,17 @@ from servogen.workflows.twinning import twin_of
 from tests.two_chips import ARM, ONE, TWO
 
 
-def moved(chips: str, elbow: str) -> TwinVerdict:
-    return twin_of(plan_job(loads(chips + ARM.format(elbow=elbow), "arm.toml")))
+@cache
+def moved(chips: str, elbow: str, more: str = "") -> TwinVerdict:
+    return twin_of(plan_job(loads(chips + ARM.format(elbow=elbow) + more, "arm.toml")))
 
 
-@pytest.fixture(scope="module")
-def pair() -> TwinVerdict:
-    return moved(TWO, "RB0")
-
-
-def test_an_arm_on_two_chips_moves_as_on_one(pair: TwinVerdict) -> None:
+@pytest.mark.parametrize("given", [(TWO, "RB0"), (ONE, "RB1", "\n[tape]\n")])
+def test_an_arm_on_two_chips_or_from_a_tape_moves_as_on_one(given: tuple[str, ...]) -> None:
     """The elbow's pin has the same name as the shoulder's, on the other chip."""
-    one = moved(ONE, "RB1")
-    assert pair.events == () and pair.record.pulsed[pair.record.first :].all()
-    there, here = (verdict.record.angle[verdict.record.first :] for verdict in (one, pair))
+    one, other = moved(ONE, "RB1"), moved(*given)
+    assert other.events == () and other.record.pulsed[other.record.first :].all()
+    there, here = (verdict.record.angle[verdict.record.first :] for verdict in (one, other))
     assert np.abs(there[-1] - here[-1]).max() < 0.005
     assert np.abs(np.ptp(there, axis=0) - np.ptp(here, axis=0)).max() < 0.01
 

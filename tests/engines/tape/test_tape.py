@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from servogen.bench.virtual.rig import RigOptions, rig
 from servogen.edges import PINS, EdgeTrace
-from servogen.engines.board import machine_of
+from servogen.engines.board import board_of, machine_of
 from servogen.engines.tape.content import FIRST, content, tape_hex
 from servogen.errors import InputError
 from servogen.pic.image import Image
@@ -19,8 +20,12 @@ from servogen.prove import prove_for_all
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import Channel, Pulse, Run
 from servogen.simulator import EEPROM24, LevelChange, SimulatorOptions, on_pins
+from servogen.traces.captures import read_capture
 from servogen.units import Clock, Cycles
+from servogen.workflows.capture import capture
 from servogen.workflows.certificates import kept
+from servogen.workflows.verification import judge_capture
+from tests.bench.conftest import served
 from tests.engines.tape.tape_jobs import (
     frames_of,
     job,
@@ -201,6 +206,17 @@ def test_a_reset_in_the_midst_of_a_byte_begins_again() -> None:
         machine.run(3 * schedule.period)
         edges = machine.run(10 * schedule.period)
         assert int(((edges.pin == PINS.index("RB0")) & (edges.level == 1)).sum()) == 10
+
+
+def test_a_rig_is_captured_for_the_asked_time(tmp_path: Path) -> None:
+    """The bus takes more of the analyser's memory than the pulses: it is counted."""
+    played, image = made()
+    schedule = played.plan.schedule
+    with rig(image, schedule.clock, board_of(schedule), RigOptions()) as opened, served(opened):
+        seen = capture(tmp_path / "run.vcd", opened.paths["analyser"], schedule, 0.1).seen
+    assert seen.missing is None
+    verdict = judge_capture(schedule, read_capture(tmp_path / "run.vcd"))
+    assert verdict.first_mismatch is None and verdict.frames >= 5
 
 
 # What is refused, and what is said
