@@ -17,7 +17,7 @@ from types import SimpleNamespace
 import pytest
 from intelhex import IntelHex
 
-from servogen.bench.programmers.flash import command_of, flash
+from servogen.bench.programmers.flash import flash
 from servogen.bench.programmers.picpro import tolerant, where_it_acts
 from servogen.bench.programmers.table import PROGRAMMERS, InstalledProgrammer, ProgrammingRequest, find
 from servogen.bench.virtual.chip import VirtualChip
@@ -513,29 +513,6 @@ def test_code_protection_and_a_chip_without_an_id_are_said(run: Run, tmp_path: P
     assert done.code == 0
     assert "code protection is on" in done.err
     assert "has no device ID" in done.err
-
-
-# The commands, as their manuals have them: a second list.
-
-
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [
-        ("picpro", "program -p /dev/ttyUSB0 -i x.hex -t 16F84A"),
-        ("pk2cmd", "-PPIC16F84A -Fx.hex -M -R -T"),
-        ("ipecmd", "-TPPK4 -P16F84A -Fx.hex -M -OL"),
-        ("pickit3", "-TPPK3 -P16F84A -Fx.hex -M -OL"),
-        ("usbpicprog", "-p=16F84A -e -w -v -f=x.hex"),
-        (
-            "picprog",
-            "--device=pic16f84a --pic-serial-port=/dev/ttyUSB0 --input-hexfile=x.hex --erase --burn",
-        ),
-    ],
-)
-def test_the_command_of_each_programmer(name: str, words: str) -> None:
-    programmer = next(each for each in PROGRAMMERS if each.name == name)
-    order = ProgrammingRequest(Path("x.hex"), device("16F84A"), "/dev/ttyUSB0")
-    assert command_of(InstalledProgrammer(programmer, ("tool",)), order) == ("tool", *words.split())
 
 
 def test_a_programmer_that_is_not_in_the_table_is_refused(run: Run, program: Path) -> None:

@@ -131,7 +131,9 @@ def test_plot_draws_the_chip_that_is_asked_for(run: Run, tmp_path: Path) -> None
     assert picture("--against", SCHEDULE, "--eeprom-write-us", 4_000) != with_schedule
 
 
-@pytest.mark.parametrize("option", [("--start", "ram=1"), ("--device", "PIC16F84A"), ("--ra4-pull-up",)])
+@pytest.mark.parametrize(
+    "option", [("--start", "ram=1"), ("--device", "PIC16F84A"), ("--tmr0-phase", 1), ("--ra4-pull-up",)]
+)
 @pytest.mark.parametrize("command", ["verify", "measure", "plot"])
 def test_a_recording_has_no_chip_to_choose(
     run: Run,  # noqa: F811
@@ -191,15 +193,6 @@ def test_start_ram_and_floating_pins_reach_the_machine(run: Run) -> None:  # noq
     assert not pulses("ram", "--start", "ram=255")
     assert pulses("floatin")
     assert not pulses("floatin", "--floating", 1)
-
-
-@pytest.mark.parametrize("options", [("--start", "ram=1"), ("--tmr0-phase", 1), ("--device", "PIC16F84")])
-def test_a_recording_is_not_simulated(run: Run, tmp_path: Path, options: tuple[object, ...]) -> None:  # noqa: F811
-    edges = tmp_path / "edges.csv"
-    assert run("simulate", START_STATE / "good.asm", "--edges", edges).code == 0
-    ran = run("verify", edges, "--against", SCHEDULE, *options)
-    assert ran.code == 2
-    assert "edges.csv" in ran.err
 
 
 @pytest.mark.parametrize(
