@@ -16,10 +16,10 @@ from servogen.drive import commands as c
 from servogen.drive.controller import ControllerChannel, ServoController, controller_of
 from servogen.drive.motions import Limited, Played, Still, frame_at, pose_of
 from servogen.drive.on_command import CommandedFrame, line_baud
-from servogen.drive.serial_link import NullWire, SerialLink, VirtualTime
+from servogen.drive.serial_link import SerialLink, VirtualTime
 from servogen.drive.session import DriveSession, Summary
 from servogen.drive.steering import BaseController, Jog, PoseController, Rates, steering_of
-from servogen.errors import InputError, ToolError
+from servogen.errors import InputError
 from servogen.job import PlannedJob, loads, plan_job
 from servogen.motion.trajectory import JointTrajectory
 from servogen.units import Clock, Cycles
@@ -218,17 +218,6 @@ def test_a_job_without_poses_has_angles_only() -> None:
         pose_of(wheels(), "1")
     assert caught.value.hint == "state angles: --pose arm=90,hand=45"
     assert np.degrees(pose_of(wheels(), "w2=90"))[1] == pytest.approx(90)
-
-
-def test_a_first_pose_is_reached_in_a_second_unless_another_time_is_asked_for() -> None:
-    """docs/drive.md: --arrive-s, 1 by default; 50 frames of 20 ms."""
-    job = arms("[stream]\nsilence_s = 1.2\n")
-    baud, controller = controller_of(job, None, None, 0)
-    log: list[dict[str, object]] = []
-    with linked(baud) as (clock, _, line):
-        session = DriveSession(controller, line, clock.time(), log.append)
-        session.run(Limited(Still(pose_of(job, "low")), 0.0))
-    assert [entry["frames"] for entry in log if "frames" in entry] == [50]
 
 
 # ---- steering -------------------------------------------------------------------------------------------
@@ -461,34 +450,6 @@ def linked(baud: int = 2400) -> Iterator[tuple[VirtualTime, Wire, SerialLink]]:
     wire = Wire(clock)
     with SerialLink(lambda: nullcontext(wire), baud, clock.time(), 10.0) as line:
         yield clock, wire, line
-
-
-def test_a_byte_takes_ten_bits_and_waits_for_those_before() -> None:
-    with linked(1000) as (clock, wire, line):
-        assert [line.send(b"abc"), line.send(b"d"), line.send(b"ef")] == pytest.approx([0.03, 0.04, 0.06])
-        assert [moment for moment, _ in wire.written] == [0, 0.03, 0.04]
-        line.drain()
-        assert clock.at == pytest.approx(0.06)
-        line.drain()
-        assert clock.at == pytest.approx(0.06)
-
-
-def test_each_new_reason_why_a_port_stays_away_is_passed_on_once() -> None:
-    clock = VirtualTime()
-    reasons = ["gone", "gone", "taken", "taken"]
-
-    def opener() -> object:
-        if clock.at == 0.0 and not told:
-            return nullcontext(NullWire())
-        if reasons:
-            raise ToolError("no-such-port", reasons.pop(0))
-        return nullcontext(NullWire())
-
-    told: list[str] = []
-    line = SerialLink(opener, 2400, clock.time(), 10.0)  # type: ignore[arg-type]
-    clock.at = 1.0
-    assert line.reopen(lambda error: told.append(error.message)) == pytest.approx(2.0)
-    assert told == ["gone", "taken"]
 
 
 def test_the_poses_per_second_are_those_of_the_time_in_motion() -> None:

@@ -9,7 +9,6 @@ from servogen.drive.controller import controller_of
 from servogen.drive.motions import AngleFunction, Limited, Still
 from servogen.drive.serial_link import SerialLink
 from servogen.drive.session import DriveSession
-from servogen.errors import InputError
 from servogen.job import PlannedJob, loads, plan_job
 from servogen.motion.trajectory import Floats
 from tests.drive.mini_ssc import Robot
@@ -72,11 +71,6 @@ def test_a_controller_that_is_no_stream_engine_is_sent_no_group() -> None:
     with SerialLink(robot.open, baud, robot.time(), 10.0) as line:
         DriveSession(controller, line, robot.time(), lambda entry: None).run(Limited(Sine(2), 1.0))
     assert {number for number, _ in commands(robot)} == {0, 1}
-
-
-def test_a_stream_engine_has_no_other_numbers() -> None:
-    with pytest.raises(InputError, match="numbered from 0"):
-        controller_of(stream(2), None, None, 8)
 
 
 def test_after_an_outage_the_pose_is_a_group_again() -> None:

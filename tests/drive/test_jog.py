@@ -10,11 +10,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from servogen.drive.commands import commands_of_keys
 from servogen.drive.steering import Jog, Rates, steering_of
 from servogen.errors import InputError
-from servogen.job import load, plan_job
-from tests.drive.conftest import ROOT, Serial
+from tests.drive.conftest import ROOT, Serial, planned
 
 JOB = ROOT / "jobs" / "stream-arm.toml"
 Start = Callable[..., "subprocess.Popen[str]"]
@@ -22,7 +20,7 @@ Start = Callable[..., "subprocess.Popen[str]"]
 
 @pytest.fixture
 def jog() -> Jog:
-    found = steering_of(plan_job(load(JOB)), Rates())
+    found = steering_of(planned("stream-arm"), Rates())
     assert isinstance(found, Jog)
     return found
 
@@ -32,32 +30,6 @@ def degrees(jog: Jog, seconds: float = 100.0) -> list[float]:
     angles = jog.at(seconds)
     assert angles is not None
     return np.round(np.degrees(angles), 6).tolist()
-
-
-def test_steps_move_the_selected_servo_alone(jog: Jog) -> None:
-    """The servos are base, shoulder and grip, all at 90°."""
-    for command in ("+", "+", "next", "-"):
-        jog.command(command)
-    assert degrees(jog) == [92, 89, 90]
-
-
-def test_the_step_is_chosen_and_shown_with_its_unit(jog: Jog) -> None:
-    """An S3001 turns 90° with 500 µs more: 5° are 27.8 µs."""
-    assert jog.state() == "base: 90.0°, 1500 µs; step 1°"
-    for command in ("coarser", "coarser", "+"):
-        jog.command(command)
-    assert jog.state() == f"base: 95.0°, {1500 + 5 * 1000 / 180:.0f} µs; step 5°"
-    for _ in range(20):
-        jog.command("finer")
-    assert jog.state().endswith("step 0.1°")
-
-
-def test_the_servos_go_round_and_have_names(jog: Jog) -> None:
-    jog.command("previous")
-    assert jog.state().startswith("grip: ")
-    jog.command("next")
-    jog.command("shoulder")
-    assert jog.state().startswith("shoulder: ")
 
 
 def test_a_step_beyond_a_servos_limit_is_not_made(jog: Jog) -> None:
@@ -79,12 +51,6 @@ def test_a_step_beyond_a_servos_limit_is_not_made(jog: Jog) -> None:
 def test_an_unknown_command_is_refused(jog: Jog) -> None:
     with pytest.raises(InputError, match="unknown command 'hop'"):
         jog.command("hop")
-
-
-def test_the_keys_are_beside_those_that_steer() -> None:
-    assert commands_of_keys(b"\t+-=[]\x1b[Zx") == [
-        *("next", "+", "-", "+", "finer", "coarser", "previous", "quit")
-    ]
 
 
 @pytest.mark.campaign
