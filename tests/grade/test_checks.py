@@ -19,7 +19,6 @@ from servogen.grade.checks import (
     clock_words,
     end_faults,
     first_wrong,
-    interruption_faults,
     order,
     order_faults,
     pause_faults,
@@ -30,7 +29,6 @@ from servogen.grade.checks import (
     stays,
     travel_faults,
 )
-from servogen.grade.judge import CHECKS, refused
 from servogen.grade.lab import Check, Lab, Solution, TaskPosition
 from servogen.grade.points import CheckState, headline, max_total, number, outcomes, total
 from servogen.grade.watch import (
@@ -134,14 +132,6 @@ def test_a_watch_is_given_up_beyond_a_million_edges(more: int, too_fast: bool) -
     assert seen.end == (size - 1 if too_fast else 2 * size)
 
 
-def test_a_watch_that_is_given_up_ends_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("servogen.grade.watch.MAX_EDGES", 3)
-    chunks = tuple(edge_chunk((at, at + 500), (RB0, RB0), (1, 0)) for at in (1000, 2000, 3000))
-    found = watch(EdgeTrace(MHZ4, chunks, Cycles(10_000)))
-    assert (found.too_fast, found.end) == (True, 2500)
-    assert found.pins[RB0].rise.tolist() == [1000, 2000]
-
-
 def test_visits_are_of_the_positions_that_the_servos_are_commanded_to() -> None:
     """90° is 1500 µs, and a visit goes on while its position holds."""
     width = {30: 1167, 31: 1172, 90: 1500}
@@ -220,14 +210,6 @@ def test_a_strange_visit_is_split_where_its_angles_jump() -> None:
 
 
 # Order and positions
-
-
-def test_the_order_begins_where_most_visits_are_right() -> None:
-    for first in range(3):
-        stops = [visit(10 * n, 10 * n + 10, [(first + n) % 3]) for n in range(7)]
-        assert order(stops, TASK) == VisitOrder(tuple((first + n) % 3 for n in range(7)), tuple(range(7)))
-    wrong = [visit(0, 10, [0]), visit(10, 20, []), visit(20, 30, [2])]
-    assert order(wrong, TASK) == VisitOrder((0, 1, 2), (0, 2))
 
 
 def faults(stops: Sequence[Visit]) -> list[Fault]:
@@ -427,20 +409,6 @@ def test_a_period_that_is_allowed_but_unusual_is_remarked() -> None:
     assert period_remark(watched(), [pin(7)]) is None
 
 
-def test_pulses_of_a_single_servo_go_on_without_a_pause_except_at_its_first_position() -> None:
-    steady, paused = range(0, 10_000, 1000), (*range(10_000, 15_000, 1000), 17_001, 18_000)
-    own = pin(*steady, *paused, width=100)
-    at = [Stay(0, visit(0, 10_000, [0]), 9.0, 0.0, True), Stay(1, visit(10_000, 20_000, [1]), 9.0, 0.0, True)]
-
-    def said(settled: list[Stay]) -> list[str]:
-        return texts(list(interruption_faults(watched(), ["RB0"], [own], TASK, settled)))
-
-    text = "the pulses for B stop, and go on 0.00 s later; a pause comes after the last one"
-    assert said(at) == [text]
-    assert said(at[1:]) == said([]) == []
-    assert said([at[0], Stay(1, visit(10_000, 17_001, [1]), 9.0, 0.0, True)]) == []  # a pause at the end
-
-
 def test_too_few_rounds_are_said_with_the_moment_from_which_nothing_happens() -> None:
     """The longest pause is 4 s: twice as long without a pulse, or a move, is the end."""
     stops = [visit(1_000_000 * n, 1_000_000 * (n + 1), [n % 3]) for n in range(7)]
@@ -493,14 +461,6 @@ def test_the_watchdog_is_the_one_cause() -> None:
 @pytest.mark.parametrize(
     ("pins", "facts", "text"),
     [
-        (
-            {},
-            ChipFacts(inputs=frozenset({RB0})),
-            "the pin is still an input; its bit in TRISB (bank 1) must be 0",
-        ),
-        ({}, ChipFacts(sleeping=True), "the chip is asleep"),
-        ({}, ChipFacts(lost=True), "the program runs on past its end; it needs an endless loop"),
-        ({}, ChipFacts(stack_wraps=1), "calls are nested deeper than the chip's 8 levels"),
         (
             {},
             ChipFacts(),
@@ -560,17 +520,6 @@ def test_a_program_that_is_wrong_for_its_clock_has_one_fault() -> None:
     assert set(fault.checks) == {check for each in found.faults for check in each.checks}
     assert wrong.pins == ((SERVO.servo.name, SERVO.pins[0]),)
     assert (wrong.watched_s, wrong.repeats, wrong.passed) == (5.0, False, False)
-
-
-def test_what_cannot_be_run_or_has_no_pulses_leaves_the_later_checks_unmade() -> None:
-    none = refused("lab8", "line 3: error", "line 4: error")
-    assert none.reasons == ("line 3: error", "line 4: error")
-    assert none.unchecked == CHECKS[1:]
-    assert all(fault.checks == (Check.RUNS,) for fault in none.faults)
-    silent = judge(LAB8, watched(end=3_000_000), ChipFacts())
-    assert [fault.checks for fault in silent.faults] == [(Check.PULSES,)]
-    assert silent.unchecked == CHECKS[2:]
-    assert silent.watched_s == 3.0
 
 
 def test_points_are_given_for_each_check_that_passes() -> None:
