@@ -6,6 +6,7 @@ In: the kind, the servo that turns its joints. Out: the text of a job file, plan
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 from importlib.resources import files
@@ -17,6 +18,7 @@ from servogen.job.plan import plan_job
 from servogen.job.reader import loads
 from servogen.pulse import plan
 from servogen.robot import servo_models
+from servogen.robot.servo import ServoModel
 
 KINDS = (
     "servo",
@@ -35,6 +37,13 @@ alike, the one with fewer servos first.
 """
 
 MODEL = re.compile(r'^model = "([^"]*)"', re.MULTILINE)
+LEG_JOINT = re.compile(r'^(joint = "[A-Z].*)$', re.MULTILINE)
+"""The joint of a leg, named behind it (`L1_coxa`), whose servo's zero the templates leave out."""
+
+ZERO = re.compile(r"^((?:alpha|beta)_zero_deg = )90", re.MULTILINE)
+ANGLE = re.compile(r"\b((?:arm|min|max)_deg = )(\d+)")
+USUAL_DEG = 180.0
+"""The travel of the servos that the templates are written for."""
 
 
 def template(kind: str = KINDS[0]) -> str:
@@ -74,7 +83,7 @@ def starter(kind: str, servo: str, file: Path) -> str:
     if name.endswith(servo_models.FILE_ENDING):
         name = Path(os.path.relpath(name, file.parent)).as_posix()
     quoted = json.dumps(name, ensure_ascii=False)
-    text = MODEL.sub(lambda _: f"model = {quoted}", text)
+    text = _for_travel(MODEL.sub(lambda _: f"model = {quoted}", text), model)
     try:
         job = plan_job(loads(text, str(file)))
         for names in [chip.servos for chip in job.chips] or [job.trajectory.joints]:
@@ -84,3 +93,18 @@ def starter(kind: str, servo: str, file: Path) -> str:
         message = f"{model.title} does not fit '{kind}': {error.first.message}"
         raise InputError(error.first.code, message, hint=fits) from error
     return text
+
+
+def _for_travel(text: str, model: ServoModel) -> str:
+    """Return a template, which is written for 180°, for another travel: the horns of legs are in its middle,
+    and servos' own angles at the same shares of it.
+    """
+    if model.continuous:
+        return text
+    low, high = (math.degrees(end) for end in model.travel)
+    middle = (low + high) / 2
+    if middle == USUAL_DEG / 2:
+        return text
+    text = LEG_JOINT.sub(rf"\1\nzero_deg = {middle:g} # the middle of its travel", text)
+    text = ZERO.sub(rf"\g<1>{middle:g}", text)
+    return ANGLE.sub(lambda end: f"{end[1]}{round(low + int(end[2]) * (high - low) / USUAL_DEG)}", text)

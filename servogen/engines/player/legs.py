@@ -39,6 +39,9 @@ RISES = 0.25
 LONGEST = 256
 """The maximum number of frames of a step."""
 
+EVEN, MOST_PARTS = 6.0, 6
+"""How far (cycles) a standing leg's turn may be from even in a step; the steps of a lean at most."""
+
 RESTS = 1e-6
 """The change of a pulse (cycles) per frame below which a servo is at rest."""
 
@@ -168,6 +171,10 @@ def walk_events(
             events.add(2 * end)
     last = max((2 * swing.land for swing in swings), default=0)
     times = sorted(event for event in events if event <= max(last, 2 * ends[-1]))
+    for one, other in pairwise(list(times)):
+        if not any(2 * swing.lift < other and one < 2 * swing.land for swing in swings):
+            times += _uneven(rows[:, list(turns)], -(-one // 2), other // 2)
+    times.sort()
     # A step has at most LONGEST frames: what lasts longer is divided.
     for one, other in pairwise(list(times)):
         times += [*range(one + 2 * LONGEST, other, 2 * LONGEST)]
@@ -178,6 +185,22 @@ def walk_events(
     return WalkEvents(
         rows, first, turns, lifts, tuple(swings), tuple(times), tuple(_spots(rows, turns, swings))
     )
+
+
+def _uneven(turns: Floats, first: int, last: int) -> list[int]:
+    """Return events that divide the time between two frames into equal steps in which legs that stand turn
+    nearly evenly; a body that leans has them turn by a smooth law. None where no such number of steps exists.
+    """
+    frames = last - first
+    for parts in (each for each in range(1, MOST_PARTS + 1) if not frames % each):
+        places = np.linspace(first, last, parts + 1).astype(int)
+        away = [
+            np.abs(turns[one : other + 1] - np.linspace(turns[one], turns[other], other - one + 1)).max()
+            for one, other in pairwise(places.tolist())
+        ]
+        if max(away) <= EVEN:
+            return [2 * place for place in places[1:-1].tolist()]
+    return []
 
 
 def _spots(rows: Floats, turns: Sequence[int], swings: Sequence[Swing]) -> Iterator[_Spot]:
