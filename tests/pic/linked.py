@@ -54,11 +54,14 @@ def _source(rng: random.Random, module: int, functions: dict[str, int], variable
         if rng.random() < 0.3:
             lines += ["BYTES CODE 0x2100", " de 1, 2, 3"]
     for name in own_variables:
-        kind = rng.choice(["udata", "udata_shr", "udata_ovr"])
+        kind = rng.choice(["udata", "udata_shr", "udata_ovr", "idata"])
         # A section may be opened once: gpasm 1.4 ends at the second time.
         own = rng.random() < 0.6
         lines += [f"{name}_{kind} {kind}" if own else f"S{module % 2}_{name[-1]}_{kind} {kind}"]
-        lines += [f"{name} res {rng.randint(1, rng.choice([6, 6, 30]))}"]
+        places = f"res {rng.randint(1, rng.choice([6, 6, 30]))}"
+        if kind == "idata":
+            places = rng.choice([places, 'db 1, "ab", 255', "dw 0x1234, 5", "db 7"])
+        lines += [f"{name} {places}"]
     used: set[str] = set()
     for name in own_functions:
         section = rng.choice([each for each in (*NAMES, f"own{name}") if each not in used])

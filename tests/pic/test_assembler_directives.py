@@ -245,7 +245,7 @@ def test_an_endless_while_ends_with_an_error(asm: Any) -> None:
         (" equ 1\n end", 128),
         (" org\n end", 128),
         (" org 1, 2\n end", 127),
-        (" idata\n end", 149),
+        (" udata_acs\n end", 149),
         (" frobnicate 1\n end", 122),
         (" clrff\n end", 122),
         (" 5 nop\n end", 101),

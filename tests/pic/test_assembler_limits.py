@@ -91,9 +91,9 @@ CUT = "warning asm-argument-truncated"
         (" if\n endif", ["1:2 error asm-missing-argument: IF lacks an operand"]),
         (" dw 1,,2", ["1:9 error asm-missing-argument: DW lacks an operand"]),
         (" org 1, 2", ["1:2 error asm-too-many-arguments: ORG takes at most 1 operand, not 2"]),
-        (" idata 1",
-         ["1:2 error asm-relocatable: IDATA is not supported | "
-          "UDATA reserves the bytes, and the program writes them"]),
+        (" udata_acs 1",
+         ["1:2 error asm-relocatable: UDATA_ACS is not supported | "
+          "it is for another chip: UDATA reserves bytes"]),
         (" pagesel 0", ["1:2 note asm-page: the chip has one page: no page selection is needed"]),
         # RAM
         (" __maxram 0x2F\n clrf 0x2F", []),

@@ -12,7 +12,7 @@ from servogen.pic.assembler.sections import read_script
 from tests.pic import linked
 
 HEAD = " list p=16f84a\n include <p16f84a.inc>\n"
-GOTO, CALL, RETURN = 0x2800, 0x2000, 0x0008
+GOTO, CALL, RETURN, RETLW = 0x2800, 0x2000, 0x0008, 0x3400
 
 
 def program(*sources: str, script: str = "") -> Assembly:
@@ -79,6 +79,27 @@ def test_a_linker_script_states_the_memory() -> None:
         read_script("CODEPAGE NAME=page START=0", "a.lkr")
 
 
+def test_initialised_data_has_a_copy_in_the_program_and_a_table() -> None:
+    """The words that gplink 1.4 makes of it: 14 of the table, 7 of VARS, 3 of code, 1 of OTHER."""
+    made = program(
+        "VARS idata\na db 1,2,3\nbb dw 0x1234\nc res 2\nOTHER idata\nd db 9\n"
+        "R code 0\n goto main\nMAIN code\nmain movf a,w\n movf d,w\n goto main"
+    )
+    table = [2, 0, 0x0F, 0, 0x0C, 0, 7, 0, 0x19, 0, 0x13, 0, 1, 0]
+    bytes_of = [*table, 1, 2, 3, 0x34, 0x12, 0, 0]
+    code = [0x080C, 0x0813, GOTO | 0x16, RETLW | 9]
+    assert made.image.program == dict(enumerate([GOTO | 0x16, *(RETLW | byte for byte in bytes_of), *code]))
+    assert made.listing.variables == ((0x0C, "a", 3), (0x0F, "bb", 2), (0x11, "c", 2), (0x13, "d", 1))
+
+
+def test_the_table_of_initialised_data_has_a_name_and_joins_sources() -> None:
+    made = program("V idata\nx db 1\nC CODE 0\n extern _cinit\n movlw low _cinit", "V idata\ny db 2")
+    table = made.image.program[0] & 0xFF
+    assert [made.image.program[table + 6] & 0xFF, made.image.program[table]] == [2, RETLW | 1]
+    copy = made.image.program[table + 2] & 0xFF
+    assert [made.image.program[copy + number] for number in range(2)] == [RETLW | 1, RETLW | 2]
+
+
 @pytest.mark.parametrize(
     ("sources", "said"),
     [
@@ -87,6 +108,7 @@ def test_a_linker_script_states_the_memory() -> None:
         ((" global a\nC CODE\na nop", " global a\nC CODE\na nop"), ["m1.asm:3: asm-duplicate-symbol"]),
         ((" nop\nC CODE\n nop",), ["m0.asm:3:2: asm-section"]),
         (("D UDATA\n movlw 1",), ["m0.asm:4:2: asm-section"]),
+        (("D IDATA\n movlw 1",), ["m0.asm:4:2: asm-section"]),
         (("D UDATA\nx res 1\nD CODE\n nop",), ["m0.asm:5:3: asm-section", "m0.asm:6:2: asm-section"]),
         (("D UDATA\nx res 0x45\nC CODE\n nop",), ["m0.asm:3:3: asm-no-room"]),
         (("A CODE 0\n nop\n nop", "BB CODE 1\n nop"), ["m1.asm:4:2: asm-overwrite"]),

@@ -15,7 +15,9 @@ from servogen.inputs import read_input
 from servogen.pic.assembler.blocks import EndOfSource, ExitMacro, OutOfBudget, Placed, TooManyErrors
 from servogen.pic.assembler.control import CONTROL
 from servogen.pic.assembler.definitions import DEFINITIONS
+from servogen.pic.assembler.initial import InitialData
 from servogen.pic.assembler.layout import LAYOUT
+from servogen.pic.assembler.messages import SourceError
 from servogen.pic.assembler.psect import begin, is_pic_as, without_comments
 from servogen.pic.assembler.sections import EVERY_CHIP, LinkerScript, Sections, place
 from servogen.pic.assembler.settings import SETTINGS
@@ -30,6 +32,7 @@ from servogen.pic.device import (
     Device,
 )
 from servogen.pic.image import Image
+from servogen.pic.isa import encode
 from servogen.pic.listing import Listing, ListingRow, routines
 from servogen.pic.spelling import assembly_text, cycles_text
 
@@ -86,20 +89,37 @@ def link(
     opened = {section.name for module in modules for section in module.sections}
     for name in memory.at.keys() - opened:
         raise InputError("asm-section", f"no source opens section '{name}'", hint=did_you_mean(name, opened))
+    initial = None
     if opened:
         # Now it is known that a source has sections: an ORG before the first one is one, too.
         for module in modules:
             module.first_pass(exports, words)
             module.sections.measured()
         _refuse(modules)
-        place([module.sections for module in modules], memory)
+        initial = InitialData([module.sections for module in modules])
+        place([*(module.sections for module in modules), initial.sections], memory)
+        exports |= initial.symbols()
         for module in modules:
             module.first_pass(exports, words)
     for module in modules:
         module.second_pass(exports, words)
+    if initial is not None:
+        _put_initial(initial, modules[0].state, words)
     _report_twins(modules)
     _refuse(modules)
     return _assembly(modules, words)
+
+
+def _put_initial(initial: InitialData, state: Pass, words: PlacedWords) -> None:
+    """Place the copies of initialised data, and their table."""
+    for address, byte, line in initial.bytes():
+        word = encode("RETLW", k=byte)
+        try:
+            words.put(address, word)
+        except SourceError as error:
+            state.report("error", error.code, error.text, line, hint=error.hint)
+            return
+        state.placed.append(Placed(address, word, line, True))
 
 
 class _Module:

@@ -38,6 +38,10 @@ def reserve(state: Pass, statement: Statement, name: str | None) -> None:
         size = _counted(state.one(statement), statement)
         if name is not None and not state.first:
             state.blocks.append((state.location, name, size))
+        if state.is_initial_data:
+            for _ in range(size):
+                state.initialise(0, statement)
+            return
         state.location += size
         return
     for _ in range(_counted(state.one(statement), statement)):
@@ -109,6 +113,10 @@ def _data(state: Pass, statement: Statement) -> None:
 def _db(state: Pass, statement: Statement) -> None:
     """Place bytes packed two per word, the first in the high byte; in the data EEPROM, one per address."""
     values = [_byte(state, value, statement) for value in _bytes(state, state.fields(statement, 1))]
+    if state.is_initial_data:
+        for value in values:
+            state.initialise(value, statement)
+        return
     if EEPROM_ADDRESS <= state.location < EEPROM_ADDRESS + EEPROM_BYTES:
         for value in values:
             state.emit(value, statement)
@@ -209,17 +217,29 @@ def _foreign(state: Pass, statement: Statement) -> None:
         "asm-relocatable",
         f"{statement.operation.upper()} is not supported",
         statement.column,
-        "UDATA reserves the bytes, and the program writes them",
+        "it is for another chip: UDATA reserves bytes",
     )
+
+
+def _named(directive: Directive) -> Directive:
+    """Return the directive; in IDATA its label names the bytes that it places."""
+
+    def process(state: Pass, statement: Statement) -> None:
+        first = state.location
+        directive(state, statement)
+        if state.is_initial_data and statement.label is not None and not state.first:
+            state.blocks.append((first, statement.label, state.location - first))
+
+    return process
 
 
 LAYOUT: dict[str, Directive] = {
     "org": _org,
     "res": _res,
     "fill": _fill,
-    "data": _data,
-    "dw": _data,
-    "db": _db,
+    "data": _named(_data),
+    "dw": _named(_data),
+    "db": _named(_db),
     "de": _de,
     "dt": _dt,
     "da": _da,
@@ -230,5 +250,5 @@ LAYOUT: dict[str, Directive] = {
     **dict.fromkeys(KINDS, _section),
     "global": _global,
     "extern": _extern,
-    **dict.fromkeys(("idata", "udata_acs"), _foreign),
+    "udata_acs": _foreign,
 }

@@ -107,6 +107,8 @@ def _token(text: Text, index: int, radix: int) -> tuple[Token, int]:
 
 def _plain(word: str, radix: int, column: int) -> int:
     """Return a number with a suffix or in the default radix; in hexadecimal, a last B or D is a digit."""
+    if radix == 10 and word[:2] in ("0b", "0B"):  # as pic-as takes it; MPASM knows no such number
+        return _digits(word[2:], 2, column)
     suffix = word[-1].upper()
     if suffix in SUFFIX_RADIX and len(word) > 1 and not (radix == 16 and suffix in "BD"):
         return _digits(word[:-1], SUFFIX_RADIX[suffix], column)

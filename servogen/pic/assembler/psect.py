@@ -72,7 +72,7 @@ def _psect(state: Pass, statement: Statement) -> None:
     known = state.sections.named(name.chars)
     values = dict(_flag(flag) for flag in flags)
     if known is not None:
-        state.open_section(name.chars, known.kind, known.origin, statement)
+        state.open_section(name.chars, known.kind, 0 if "abs" in values else known.origin, statement)
         return
     class_ = values.get("class", OF_HEADER.get(name.chars, "RAM" if values.get("space") == "1" else ""))
     if class_.upper() not in CLASSES:

@@ -17,6 +17,7 @@ from typing import Literal
 
 from servogen.errors import InputError, Location
 from servogen.pic.assembler.messages import SourceError
+from servogen.pic.assembler.source import SourceLine
 from servogen.pic.device import (
     CONFIG_ADDRESS,
     EEPROM_ADDRESS,
@@ -28,8 +29,8 @@ from servogen.pic.device import (
     RAM_LAST,
 )
 
-Kind = Literal["code", "udata", "udata_shr", "udata_ovr"]
-KINDS: tuple[Kind, ...] = ("code", "udata", "udata_shr", "udata_ovr")
+Kind = Literal["code", "udata", "udata_shr", "udata_ovr", "idata"]
+KINDS: tuple[Kind, ...] = ("code", "udata", "udata_shr", "udata_ovr", "idata")
 
 
 @dataclass(slots=True)
@@ -44,6 +45,10 @@ class Section:
     base: int = 0
     used: int = 0
     """The words or bytes up to the current line of the pass."""
+    data: list[tuple[int, SourceLine]] = field(default_factory=list)
+    """The initial bytes of IDATA, each with the line that it is of."""
+    copy: Section | None = None
+    """The code with the initial bytes of IDATA, which gplink places as if it stood here."""
     block: str | None = None
     """The block of memory that a pic-as source names by a class; None for any that is not protected."""
 
@@ -76,6 +81,7 @@ class Sections:
         self.current = None
         for section in self:
             section.used = 0
+            section.data = []
 
     def open(self, name: str, kind: Kind, origin: int | None, place: Location) -> Section:
         """Open a section, or go on with it. Raises SourceError if it was another before."""
@@ -189,7 +195,10 @@ def read_place(option: str) -> tuple[str, int]:
 def place(sources: Sequence[Sections], memory: LinkerScript) -> None:
     """Give every section its address. Raises InputError for one that has no room."""
     for is_code, blocks in ((True, memory.code), (False, memory.data)):
-        groups = _groups(section for each in sources for section in each if section.is_code == is_code)
+        sections = [section for each in sources for section in each]
+        if is_code:
+            sections = [each.copy or each for each in sections]
+        groups = groups_of(section for section in sections if section.is_code == is_code)
         free = _Free()
         floating = []
         for group in groups:
@@ -209,7 +218,7 @@ def place(sources: Sequence[Sections], memory: LinkerScript) -> None:
                 _move(group, free, allowed, from_top=memory.from_top and is_code)
 
 
-def _groups(sections: Iterable[Section]) -> list[list[Section]]:
+def groups_of(sections: Iterable[Section]) -> list[list[Section]]:
     """Return the sections that become one; what has a stated address stays by itself."""
     groups: dict[object, list[Section]] = {}
     for section in sections:

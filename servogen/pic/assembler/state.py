@@ -380,11 +380,26 @@ class Pass:
 
     def emit(self, word: int, statement: Statement, *, is_code: bool = False) -> None:
         """Place a word at the current location and advance it."""
+        if self.is_initial_data and not is_code:
+            self.initialise(word & 0xFF, statement)
+            self.initialise(word >> 8 & 0xFF, statement)
+            return
         self.check_section(statement)
         self.spend()
         address = self.location
         self.location += 1
         self.put(address, word, statement, is_code=is_code)
+
+    @property
+    def is_initial_data(self) -> bool:
+        return self.sections.current is not None and self.sections.current.kind == "idata"
+
+    def initialise(self, byte: int, statement: Statement) -> None:
+        """Place a byte of IDATA at the current location and advance it."""
+        self.spend()
+        self.location += 1
+        if self.sections.current is not None:
+            self.sections.current.data.append((byte, statement.line))
 
     def check_section(self, statement: Statement) -> None:
         """Raise SourceError for a word in a section of data, or, in a relocatable source, in none."""
@@ -435,5 +450,5 @@ ELSE_IF = frozenset(mark + name for mark in ("", "#") for name in ("elif", "elif
 line there, and does not know them where it does."""
 ELSE_IF_HINT = "as in gpasm; put another IF between ELSE and ENDIF"
 
-OWN_LABEL = frozenset(("equ", "set", ".set", "=", "macro", "org", "idata", *KINDS, *ASSIGNMENTS))
+OWN_LABEL = frozenset(("equ", "set", ".set", "=", "macro", "org", *KINDS, *ASSIGNMENTS))
 """Directives that give the label in front of them a meaning of their own."""
