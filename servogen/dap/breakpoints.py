@@ -6,7 +6,7 @@ In: what an editor asks for and what stops the chip. Out: the breakpoint at whic
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +19,8 @@ from servogen.pic.listing import Listing
 
 FIRST_BACK_S = 0.1
 """Seconds that are searched backwards first; then twice as many."""
+SLICE_S = 0.005
+"""Seconds of the chip between two moments at which a way back may be left."""
 
 
 @dataclass(slots=True)
@@ -96,21 +98,23 @@ def next_stop(
     return None
 
 
-def back_to(chip: TimeMachine, every: Sequence[Armed]) -> Armed | None:
+def going_back(chip: TimeMachine, every: Sequence[Armed]) -> Generator[None, None, Armed | None]:
     """Go back to the last moment at which a breakpoint stops, which is returned; to power-up without one.
 
-    Counts of hits are not of the past: there each hit stops.
+    Counts of hits are not of the past: there each hit stops. The way may be left after each step.
     """
     here, width = int(chip.now), int(chip.clock.round_seconds(FIRST_BACK_S))
+    slice_ = chip.clock.round_seconds(SLICE_S)
     stops = [each for each in every if each.message is None]
     while stops:
         begin = max(0, here - width)
         chip.seek(begin)
         last: tuple[int, Armed] | None = None
         while chip.now < here:
-            met = _met(chip, here, stops)
+            met = _met(chip, min(here, chip.now + slice_), stops)
             if met and chip.now < here:
                 last = int(chip.now), met[0]
+            yield
         if last is not None:
             chip.seek(last[0])
             return last[1]

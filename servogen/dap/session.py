@@ -9,12 +9,12 @@ from __future__ import annotations
 import base64
 import re
 from bisect import bisect_right
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
-from servogen.dap.breakpoints import Armed, armed, back_to, next_stop
+from servogen.dap.breakpoints import Armed, armed, going_back, next_stop
 from servogen.dap.protocol import Message
 from servogen.debug.breakpoints import parse_breakpoint
 from servogen.debug.pins import explain_pin
@@ -36,6 +36,11 @@ MAX_STEPS = 2_000
 """The lines that "step over" and "step out" run through before they stop in the middle."""
 PINS_OF, REGISTERS, VARIABLES, EEPROM = 1, 2, 3, 4
 """References of the scopes."""
+ACTIONS = (
+    *("launch", "restart", "continue", "reverseContinue", "next", "stepIn", "stepOut", "stepBack"),
+    *("setVariable", "setExpression", "writeMemory"),
+)
+"""Requests that begin where the chip stands: a way back is left for them."""
 LAUNCH_KEYS = ("program", "stimulus", "inputs", "clock_hz", "device", "stopOnEntry", "floating")
 ATTACH_KEYS = ("url",)
 EDITOR_KEYS = (
@@ -113,7 +118,11 @@ class DebugSession:
         self._elsewhere: Elsewhere | None = None
         """Who answers instead, from `attach` on."""
         self.running = False
+        self.stands_at = 0
+        """The cycle at which the editor was told last that the chip stands."""
         self.ended = False
+        self._back: Generator[None, None, Armed | None] | None = None
+        """The way back to a breakpoint, while it is being gone from cycle `stands_at`."""
         self._loaded: Loaded | None = None
         self._chip: TimeMachine | None = None
         self._runs_at_first: bool | None = None
@@ -188,6 +197,8 @@ class DebugSession:
         try:
             if command not in self._requests:
                 raise InputError("unknown-command", f"'{command}' is not a request of this debugger")
+            if command in ACTIONS:
+                self.stay()
             body = self._requests[command](given if isinstance(given, dict) else {})
         except (ServogenError, LookupError, TypeError, ValueError) as error:
             text = _told(error) if isinstance(error, ServogenError) else f"a wrong argument: {error!r}"
@@ -213,13 +224,31 @@ class DebugSession:
             self.event("terminated")
         self.ended = command == "disconnect"
 
+    @property
+    def goes_back(self) -> bool:
+        """Return whether a breakpoint in the past is being looked for: the chip is anywhere then."""
+        return self._back is not None
+
+    def stay(self) -> None:
+        """Leave the way back, if there is one, and stand where it began."""
+        if self._back is not None:
+            self._back = None
+            self._need_chip().seek(self.stands_at)
+            self.stopped("pause")
+
     def run_on(self) -> None:
-        """Run a slice of time; stop at a breakpoint."""
+        """Run a slice of time, or go a step back; stop at a breakpoint."""
+        if self._back is not None:
+            try:
+                next(self._back)
+            except StopIteration as arrived:
+                self._back, hit = None, arrived.value
+                self.stopped("breakpoint" if hit else "entry", hit.text if hit else "power-up")
+            return
         chip = self._need_chip()
         end = chip.now + chip.clock.round_seconds(SLICE_S)
         hit = next_stop(chip, end, self.armed, self.log)
         if hit is not None:
-            self.running = False
             self.stopped("breakpoint", hit.text)
 
     def _initialize(self, given: Body) -> Body:
@@ -504,13 +533,13 @@ class DebugSession:
         return {"allThreadsContinued": True}
 
     def _pause(self, given: Body) -> None:
+        self.stay()
         if self.running:
-            self.running = False
             self.stopped("pause")
 
     def _reverse_continue(self, given: Body) -> None:
-        hit = back_to(self._need_chip(), self.armed)
-        self.stopped("breakpoint" if hit else "entry", hit.text if hit else "power-up")
+        chip = self._need_chip()
+        self._back, self.stands_at, self.running = going_back(chip, self.armed), int(chip.now), True
 
     def _step_in(self, given: Body) -> None:
         chip = self._need_chip()
@@ -562,17 +591,21 @@ class DebugSession:
         return self._need_chip().machine.state().stack_depth
 
     def _end(self, given: Body) -> None:
+        self.stay()
         self.running = False
 
     # Events
 
     def stopped(self, reason: str, text: str = "") -> None:
         """Tell the editor that the chip stands, and why."""
+        self.running = False
+        self.stands_at = int(self._chip.now) if self._chip is not None else 0
         body = {"reason": reason, "threadId": THREAD, "allThreadsStopped": True}
         self.event("stopped", {**body, "description": text, "text": text} if text else body)
 
     def continued(self) -> None:
         """Tell the editor that another one has let the chip run."""
+        self.running = True
         self.event("continued", {"threadId": THREAD, "allThreadsContinued": True})
 
     def log(self, text: str) -> None:

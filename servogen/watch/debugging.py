@@ -43,8 +43,8 @@ class Debugging:
         assert subject.image is not None
         program = Program(subject.image, subject.listing)
         self._editor.debug(Loaded(subject.path, program, subject.options, subject.stimuli), session.chip)
+        self._editor.running, self._editor.stands_at = session.running, session.now
         self.session, session.editor = session, self._editor
-        self._told = session.running, session.now
 
     def handle(self, request: Message) -> Message | None:
         """Answer a request; return what the window shows then, if that is something else."""
@@ -52,11 +52,10 @@ class Debugging:
         if session is None or session.chip is None:
             editor.handle(request)
             return None
-        session.arrive()
+        if not editor.goes_back:
+            session.arrive()
         before = session.now, session.running, session.chip.machine.state(), session.chip.inputs
-        editor.running = session.running
         editor.handle(request)
-        self._told = editor.running, session.now
         if before == (session.now, editor.running, session.chip.machine.state(), session.chip.inputs):
             return None
         return session.moved(running=editor.running)
@@ -71,17 +70,18 @@ class Debugging:
             self._editor.event("terminated")
             self.end()
             return False
-        if session.on_the_way:
+        editor = self._editor
+        if session.on_the_way or editor.goes_back:
             return True
-        told, self._told = self._told, (session.running, session.now)
-        if session.running and not told[0]:
-            self._editor.continued()
-        elif not session.running and told != self._told:
-            self._editor.stopped("breakpoint" if session.stopped else "pause", session.stopped)
+        if session.running and not editor.running:
+            editor.continued()
+        elif not session.running and (editor.running or session.now != editor.stands_at):
+            editor.stopped("breakpoint" if session.stopped else "pause", session.stopped)
         return True
 
     def end(self) -> None:
         """Leave the program to the page alone."""
         if self.session is not None:
+            self._editor.stay()
             self.session.editor = None
             self.session = None

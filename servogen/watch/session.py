@@ -258,6 +258,12 @@ class WatchSession:
         """
         if self._way is not None:
             yield self._proceed(WAY_S)
+        elif self.editor is not None and self.editor.goes_back:
+            end = time.monotonic() + WAY_S
+            while self.editor.goes_back and time.monotonic() < end:
+                self.editor.run_on()
+            if not self.editor.goes_back:
+                yield self.moved(running=False)
         elif self.running:
             self._run_on(min(elapsed_s, LONGEST_TICK_S))
             self._since_full += elapsed_s
@@ -355,6 +361,9 @@ class WatchSession:
         if self._way is not None:
             self._way = None
             self._look_back()
+        if self.editor is not None and self.editor.goes_back:
+            self.editor.stay()
+            self._stop("")
 
     def moved(self, *, running: bool) -> Message:
         """Go on from where an editor has left the chip, and return the moment."""

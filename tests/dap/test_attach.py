@@ -116,6 +116,12 @@ def test_what_the_page_lets_run_the_editor_can_pause_and_a_closed_server_ends_it
     editor.event("continued")
     editor.ask("pause", threadId=1)
     assert editor.event("stopped")["reason"] == "pause"
+    editor.ask("reverseContinue", threadId=1)
+    assert editor.event("stopped")["text"] == "power-up"
+    while (moment := shown(page))["running"] or moment["cycle"]:
+        pass
+    editor.ask("reverseContinue", threadId=1)
+    assert editor.event("stopped")["reason"] == "entry", "told once"
     assert "another editor" in Editor(server.server.url).attached["message"]
     server.stop()
     editor.event("terminated")

@@ -88,3 +88,28 @@ def test_a_source_that_is_not_on_the_disk_is_asked_of_the_adapter(tmp_path: Path
     assert sent[-1]["body"]["content"] == SOURCE
     ask(session, "source", sourceReference=9)
     assert not sent[-1]["success"]
+
+
+def test_a_way_back_is_left_where_it_began(tmp_path: Path) -> None:
+    """A byte that is never 9 is looked for up to power-up; what is asked for meanwhile begins there."""
+    session, sent = session_of(tmp_path, SYMBOLS)
+    ask(session, "continue", threadId=1)
+    session.run_on()
+    ask(session, "pause", threadId=1)
+    before = top(session, sent)["name"]
+    ask(session, "setFunctionBreakpoints", breakpoints=[{"name": "0x30 == 9"}])
+    for command, reasons in (("pause", ["pause"]), ("stepIn", ["pause", "step"])):
+        ask(session, "reverseContinue", threadId=1)
+        session.run_on()
+        assert session.running and top(session, sent)["name"] != before
+        sent.clear()
+        ask(session, command, threadId=1, granularity="instruction")
+        assert [each["body"]["reason"] for each in sent if each.get("event") == "stopped"] == reasons
+        assert not session.running
+    ask(session, "stepBack", threadId=1, granularity="instruction")
+    assert top(session, sent)["name"] == before
+    ask(session, "setFunctionBreakpoints", breakpoints=[{"name": "RA0 rise"}])
+    ask(session, "reverseContinue", threadId=1)
+    while session.running:
+        session.run_on()
+    assert sent[-1]["body"]["text"] == "power-up"
