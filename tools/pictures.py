@@ -38,7 +38,7 @@ SLOW = {
         for names, files in (
             (("hexapod", "projector", "phone", "bodies"), [*WATCH, "firmware/hexapod-tripod/main.hex"]),
             (("job", "timeline", "difference"), [*WATCH, "firmware/lab8-exercise/main.hex"]),
-            (("why", "capture", "graded"), WATCH),
+            (("why", "capture", "graded", "bus"), WATCH),
             (("report",), ["firmware/hexapod-tripod/main.hex", "templates/report.html.j2"]),
             (("film", "class"), ["templates/watch/colours.css"]),
         )
