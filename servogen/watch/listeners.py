@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from servogen.edges import HIGH, LOW, PINS, EdgeChunk
+from servogen.edges import HIGH, LOW, PINS, UNDRIVEN, EdgeChunk
 from servogen.units import Clock
 
 BITS = 8
@@ -91,6 +91,19 @@ class SerialListener:
                 self._start = None
 
 
+def clocks_of(edges: EdgeChunk, scl: int, sda: int) -> int | None:
+    """Return the clocks of an I²C bus's byte that is not over after `edges`; None if that is not known."""
+    mine = np.flatnonzero(np.isin(edges.pin, (scl, sda)))
+    mine = mine[np.lexsort((edges.pin[mine] != scl, edges.cycle[mine]))]
+    clock, level = edges.pin[mine] == scl, edges.level[mine]
+    latest = np.maximum.accumulate(np.where(clock, np.arange(len(mine)), -1))
+    marks = np.flatnonzero(~clock & (latest >= 0) & (level[latest] == HIGH))  # starts and stops
+    if not len(marks) or level[marks[-1]] != LOW:
+        return None
+    clocks = level[marks[-1] :][clock[marks[-1] :]]
+    return None if (clocks == UNDRIVEN).any() else int((clocks == HIGH).sum()) % (BITS + 1)
+
+
 class BusListener:
     """Decodes an I²C bus: "S 50 W A" is a start with an address, "0D A" an acknowledged byte, "FF N" one that
     is not, "P" a stop.
@@ -118,7 +131,9 @@ class BusListener:
             (clock, data), places = self._levels, self.pins.index
             for _, pin, level in changes:
                 self._levels[places(pin)] = level
-            if self._levels[0] != LOW:
+            if self._levels[0] == UNDRIVEN:  # between two pieces of a capture
+                self._bits = None
+            elif self._levels[0] == HIGH:
                 self._high(cycle, rises=clock == LOW, changed=data != self._levels[1])
 
     def _high(self, cycle: int, *, rises: bool, changed: bool) -> None:

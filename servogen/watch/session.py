@@ -57,7 +57,7 @@ from servogen.simulator.layout import MCLR_PIN
 from servogen.simulator.observe import plain_assembly
 from servogen.simulator.sources import STIMULUS_PINS, pin_number
 from servogen.watch.differences import Edge, ScheduledEdges, differing
-from servogen.watch.listeners import BusListener, Said, SerialListener
+from servogen.watch.listeners import BusListener, Said, SerialListener, clocks_of
 from servogen.watch.live_bodies import LiveBodies
 from servogen.watch.live_line import LiveLine
 from servogen.watch.motion import motion_of, parts_of
@@ -632,8 +632,13 @@ class WatchSession:
         yield from (SerialListener(pin, baud, self.subject.clock) for pin, baud in bauds.items())
         if bus is not None:
             reach = min(begin, int(self._place.reach))
-            clocks = self.chip.at(reach, _clocks) if self.chip else None
-            yield BusListener(PINS.index(bus["scl"]), PINS.index(bus["sda"]), clocks)
+            scl, sda = PINS.index(bus["scl"]), PINS.index(bus["sda"])
+            clocks = (
+                self.chip.at(reach, _clocks)
+                if self.chip
+                else clocks_of(self._place.edges(0, reach), scl, sda)
+            )
+            yield BusListener(scl, sda, clocks)
 
     def _edges(self, begin: int, end: int) -> EdgeChunk:
         """Return the edges of a window of the past: nothing is run that has not been reached."""

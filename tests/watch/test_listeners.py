@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from servogen.edges import PINS, edge_chunk
-from servogen.engines.board import board_of
+from servogen.edges import LOW, PINS, UNDRIVEN, EdgeTrace, edge_chunk, join, part
+from servogen.engines.board import board_of, machine_of
 from servogen.simulator import EEPROM24, Machine, Serial, SimulatorOptions, on_pins
-from servogen.units import Clock
-from servogen.watch.listeners import BusListener, SerialListener
+from servogen.units import Clock, Cycles
+from servogen.watch.listeners import BusListener, SerialListener, clocks_of
 from servogen.watch.session import WatchSession
 from servogen.watch.subject import Subject
 from tests.engines.tape.tape_jobs import made, tape_of
@@ -59,17 +59,20 @@ def test_a_bus_is_heard_as_the_program_speaks() -> None:
 
 
 def test_the_waves_of_any_moment_say_what_is_read_from_a_tape() -> None:
-    """Also in the midst of a byte, of which only the end is seen, and after a jump backwards."""
+    """Also from the midst of a byte on, of which only the end is seen, after a jump, and in a recording."""
     played, image = made()
     schedule, data = played.plan.schedule, tape_of().content.data
     session = WatchSession(
         Subject(Path("main.hex"), schedule.clock, board_of(schedule), image, schedule=schedule)
     )
+    span = Cycles(12 * schedule.period)
+    trace = EdgeTrace(schedule.clock, (machine_of(schedule, image).run(span),), span)
+    recorded = WatchSession(Subject(Path("main.vcd"), schedule.clock, trace=trace, schedule=schedule))
     sda, frame = PINS.index("RA4"), int(schedule.period)
     answer(session, do="seek", cycle=12 * frame)
 
-    def said(begin: int, end: int) -> list[tuple[int, int, str]]:
-        return answer(session, do="waves", begin=begin, end=end)["said"][sda]
+    def said(begin: int, end: int, shown: WatchSession = session) -> list[tuple[int, int, str]]:
+        return answer(shown, do="waves", begin=begin, end=end)["said"][sda]
 
     every = said(0, 12 * frame)
     assert [text for _, _, text in every[:4]] == ["S 50 W A", "00 A", "00 A", "S 50 R A"]
@@ -77,4 +80,25 @@ def test_the_waves_of_any_moment_say_what_is_read_from_a_tape() -> None:
     dice = random.Random(5)
     for _ in range(20):
         begin = dice.randrange(every[3].end, every[-1].begin)
-        assert said(begin, 12 * frame) == [word for word in every if word[0] >= begin]
+        seen = said(begin, 12 * frame)
+        assert seen == said(begin, 12 * frame, recorded) == [word for word in every if word[0] >= begin]
+
+
+def test_of_a_bus_that_was_not_seen_for_a_while_nothing_is_said_before_a_start() -> None:
+    """Between two pieces of a capture no pin has a level: a clock in it may be any of a byte's nine."""
+    image = program(("start", 0xA0, 0x12, 0x34))
+    eeprom = on_pins(EEPROM24(), scl="RA0", sda="RA1")
+    edges = Machine(image, CLOCK, SimulatorOptions(devices=(eeprom,))).run(1500)
+    heard = BusListener(0, 1)
+    heard.add(edges, 1500)
+    first, second, third = heard.taken()
+    gap = edge_chunk([second.begin - 2, second.begin - 1], [0, 0], [UNDRIVEN, LOW])
+    kept = (edges.cycle < second.begin - 2) | (edges.cycle >= second.begin)
+    broken = join((gap, part(edges, kept)))
+    broken = part(broken, np.argsort(broken.cycle, kind="stable"))
+    heard = BusListener(0, 1)
+    heard.add(broken, 1500)
+    assert heard.taken() == [first]
+    assert clocks_of(broken, 0, 1) is None and clocks_of(edges, 0, 1) == 0
+    before = part(edges, edges.cycle <= third.begin)
+    assert clocks_of(before, 0, 1) == 1
