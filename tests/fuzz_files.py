@@ -101,6 +101,40 @@ model = "{model}"
 poses = [{{ arm_deg = 30, hold_s = 0.2 }}, {{ arm_deg = 90, hold_s = 0.2, move_s = 0.2 }}]
 """
 
+PIC_AS = """\
+        PROCESSOR 16F84A
+#include <xc.inc>   // a comment
+        CONFIG FOSC = XT, WDTE = OFF
+        psect   udata
+flags:  ds      1
+        psect   reset, class=CODE, delta=2, abs
+        org     0
+        goto    main
+        org     4
+        btfss   INTF
+        retfie
+        psect   code
+main:   banksel TRISB
+        clrf    BANKMASK(TRISB)
+        movlw   0FFh and 3 /* and another */
+        movwf   flags
+        psect   edata
+        db      1, 'A'
+        end     main
+"""
+INITIALISED = """\
+        list p=16f84a
+VARS    idata
+a       db 1, "ab"
+more    dw 0x1234
+c       res 2
+        extern _cinit
+RESET   code 0
+        movlw low _cinit
+MAIN    code
+        movf a, w
+        end
+"""
 CALIBRATED = ONE_SERVO.format(model="futaba-s3001", more='calibration = "mutant.toml"')
 OWN_MODEL = ONE_SERVO.format(model="mutant.toml", more="")
 RVM_JOB = (JOBS / "rvm1-program.toml").read_text().replace("rvm1-program.rvm", "mutant.rvm")
@@ -262,7 +296,10 @@ KINDS: Mapping[str, Kind] = {
     ),
     "asm": Kind(
         ".asm",
-        files(*sorted(PROGRAMS.glob("*.asm"))),
+        lambda: [
+            *(path.read_bytes() for path in sorted(PROGRAMS.glob("*.asm"))),
+            *(source.encode() for source in (PIC_AS, INITIALISED)),
+        ],
         [("assemble", "{file}", "-o", "{folder}/made.hex", "--listing", "{folder}/made.lst")],
     ),
     "stimulus": Kind(

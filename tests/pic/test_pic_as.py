@@ -116,6 +116,7 @@ def test_a_global_name_may_be_defined_in_another_source() -> None:
         ("psect mine,klass=CODE", "did you mean 'class'"),
         ("nop", "no section is open"),
         ("org 4", "stands in no section"),
+        ("psect code\n org 0x7FFFFFFF", "0 to 8704 words"),
         ("bcf STATUS, RP0", "at most 2"),
     ],
 )

@@ -35,7 +35,7 @@ def _res(state: Pass, statement: Statement) -> None:
 def reserve(state: Pass, statement: Statement, name: str | None) -> None:
     section = state.sections.current
     if section is not None and not section.is_code:
-        size = _counted(state.one(statement), statement)
+        size = counted(state.one(statement), statement)
         if name is not None and not state.first:
             state.blocks.append((state.location, name, size))
         if state.is_initial_data:
@@ -44,15 +44,15 @@ def reserve(state: Pass, statement: Statement, name: str | None) -> None:
             return
         state.location += size
         return
-    for _ in range(_counted(state.one(statement), statement)):
+    for _ in range(counted(state.one(statement), statement)):
         state.emit(WORD_MASK, statement)
 
 
 MAX_COUNT = 0x2200
-"""The maximum count of FILL and RES: more words than there are addresses."""
+"""The maximum count of FILL and RES, and of ORG in a section: more words than there are addresses."""
 
 
-def _counted(count: int, statement: Statement) -> int:
+def counted(count: int, statement: Statement) -> int:
     """Return the number of words that a line places. Raises SourceError for a number that no chip has."""
     if not 0 <= count <= MAX_COUNT:
         raise SourceError(
@@ -69,12 +69,12 @@ def _fill(state: Pass, statement: Statement) -> None:
     bracketed = _BRACKETED.match(statement.rest.chars)
     if bracketed is None or bracketed[1].upper() not in instructions.mnemonics():
         value, count = state.fields(statement, 2, 2)
-        for _ in range(_counted(state.evaluate(count), statement)):
+        for _ in range(counted(state.evaluate(count), statement)):
             state.emit(state.evaluate(value), statement)
         return
     fields = state.parser(statement.rest[bracketed.end(1) : bracketed.end(2)]).fields()
     count = state.expression(statement.rest[bracketed.end() :])
-    for _ in range(_counted(state.evaluate(count), statement)):
+    for _ in range(counted(state.evaluate(count), statement)):
         for instruction in instructions.instructions(bracketed[1], fields, statement.place):
             state.encode(instruction, statement)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 
 from servogen.errors import did_you_mean
-from servogen.pic.assembler.layout import LAYOUT, reserve
+from servogen.pic.assembler.layout import LAYOUT, counted, reserve
 from servogen.pic.assembler.messages import SourceError
 from servogen.pic.assembler.sections import Kind
 from servogen.pic.assembler.settings import SETTINGS
@@ -106,10 +106,7 @@ def _org(state: Pass, statement: Statement) -> None:
     section = state.sections.current
     if section is None:
         raise SourceError("asm-section", "ORG stands in no section", statement.column, "PSECT opens one")
-    offset = state.one(statement)
-    if offset < 0:
-        raise SourceError("asm-address-range", f"ORG {offset} is before the section", statement.column)
-    state.location = section.base + offset
+    state.location = section.base + counted(state.one(statement), statement)
 
 
 def _ds(state: Pass, statement: Statement) -> None:
