@@ -1,40 +1,23 @@
-"""Pulses, pairs, glitches, overlaps and windows agree with a slow second formulation of each."""
+"""Glitches, frames and samples: at what length, count and rate each begins."""
 
 from __future__ import annotations
 
-from itertools import combinations, pairwise, product
-from random import Random
+from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from servogen.edges import HIGH, LOW, PINS, EdgeTrace, Expected, ExpectedChannel, edge_chunk
+from servogen.edges import HIGH, LOW, EdgeTrace, Expected, ExpectedChannel, edge_chunk
 from servogen.errors import InputError
-from servogen.pulses import pulses as read_pulses
 from servogen.units import Clock, Cycles
 from servogen.verify.compare import verify
 from servogen.verify.coverage import compared_frames, coverage
-from servogen.verify.diagnose import PinHistory
-from servogen.verify.pulses import (
-    FramedPulses,
-    OverlapCount,
-    cut_pulses,
-    framed_pulses,
-    nearest,
-    overlap,
-    pair,
-    together,
-    without_glitches,
-)
+from servogen.verify.pulses import FramedPulses, without_glitches
 from servogen.verify.sampling import TYPICAL_HZ, Sampling, rate_words, sampling
-from servogen.verify.start import StrayCount
-from servogen.verify.windows import Edges, Windows
+from servogen.verify.windows import Edges
 from tests.verify.pulses import pulses
 
 MHZ4 = Clock(4_000_000)
-LOWS = np.zeros(len(PINS), dtype=np.uint8)
 Row = tuple[int, int, int]
 
 
@@ -45,35 +28,6 @@ def edges(rows: list[Row], frames: list[int] | None = None) -> Edges:
 
 def bounds(given: FramedPulses) -> list[tuple[int, int]]:
     return list(zip(given.rise.tolist(), given.fall.tolist(), strict=True))
-
-
-def test_the_nearest_of_two_equally_near_is_the_earlier() -> None:
-    among = np.array([10, 20, 30])
-    for time in range(41):
-        wanted = min(range(3), key=lambda row: (abs(int(among[row]) - time), row))
-        assert nearest(np.array([time]), among).tolist() == [wanted], time
-
-
-@pytest.mark.parametrize("farthest", [0, 3, 4])
-def test_pulses_are_paired_if_each_is_the_others_nearest_and_near_enough(farthest: int) -> None:
-    for one, two, three in combinations(range(0, 13, 2), 3):
-        for seen in combinations(range(1, 13, 3), 2):
-            scheduled = np.array([one, two, three])
-            wanted = []
-            for row, time in enumerate(scheduled.tolist()):
-                best = min(range(2), key=lambda index: (abs(seen[index] - time), index))
-                back = min(range(3), key=lambda index: (abs(int(scheduled[index]) - seen[best]), index))
-                if back == row and abs(seen[best] - time) <= farthest:
-                    wanted.append((row, best))
-            rows, partners = pair(scheduled, np.array(seen), farthest)
-            assert list(zip(rows.tolist(), partners.tolist(), strict=True)) == wanted
-
-
-def test_nothing_is_paired_with_nothing() -> None:
-    nothing, something = np.zeros(0, dtype=np.int64), np.array([5])
-    for one, other in ((nothing, something), (something, nothing), (nothing, nothing)):
-        rows, partners = pair(one, other, 9)
-        assert len(rows) == len(partners) == 0
 
 
 @pytest.mark.parametrize(
@@ -99,196 +53,6 @@ def test_a_glitch_is_shorter_than_the_limit_and_than_all_that_is_scheduled(
 ) -> None:
     found, number = without_glitches(pulses(*seen), pulses(*scheduled), 10)
     assert (bounds(found), number) == (left, count)
-
-
-def test_pulses_begin_before_a_stretch_and_end_with_it() -> None:
-    stretch = edges([(3, 5, LOW), (5, 6, HIGH), (9, 5, HIGH), (12, 5, LOW), (15, 5, HIGH)], [7, 7, 8, 8, 9])
-    found = framed_pulses(stretch, 5, 18, open_rise=1, open_frame=6)
-    assert bounds(found) == [(1, 3), (9, 12), (15, 18)]
-    assert found.frame.tolist() == [6, 8, 9]
-    assert found.width.tolist() == [2, 3, 3]
-    assert bounds(framed_pulses(stretch, 6, 18)) == [(5, 18)]
-    assert bounds(framed_pulses(stretch, 7, 18)) == []
-    begun = framed_pulses(stretch, 7, 18, open_rise=2)
-    assert (bounds(begun), begun.frame.tolist()) == ([(2, 18)], [-1])
-
-
-@pytest.mark.parametrize(
-    ("rise", "fall", "high", "cut"),
-    [
-        ([], [], False, (False, None, None)),
-        ([], [], True, (True, None, None)),  # high throughout: neither edge is in the capture
-        ([], [4], True, (True, 4, None)),
-        ([6], [4], True, (True, 4, 6)),
-        ([6], [4, 8], True, (True, 4, None)),
-        ([6], [8], False, (False, None, None)),
-        ([6], [], False, (False, None, 6)),
-        ([6, 9], [8], False, (False, None, 9)),
-    ],
-)
-def test_the_pulses_that_the_ends_of_a_capture_cut(
-    rise: list[int], fall: list[int], high: bool, cut: tuple[bool, int | None, int | None]
-) -> None:
-    rows = [(0, 5, HIGH)] if high else []
-    rows += sorted([(cycle, 5, HIGH) for cycle in rise] + [(cycle, 5, LOW) for cycle in fall])
-    columns = zip(*rows, strict=True) if rows else ((), (), ())
-    seen = EdgeTrace(MHZ4, (edge_chunk(*columns),), Cycles(20))
-    assert tuple(cut_pulses(read_pulses(seen), 20)) == cut
-
-
-USED = (0, 5, 12)
-PULSES = st.lists(st.tuples(st.sampled_from(USED), st.integers(1, 6), st.integers(1, 6)), max_size=8)
-
-
-def simultaneous(rows: list[Row], end: int) -> list[tuple[int, frozenset[int]]]:
-    """Return, cycle by cycle, the pins that are high."""
-    high: set[int] = set()
-    found = []
-    for cycle in range(end):
-        for at, pin, level in rows:
-            if at == cycle:
-                (high.add if level == HIGH else high.discard)(pin)
-        found.append((cycle, frozenset(high)))
-    return found
-
-
-def rows_of(drawn: list[tuple[int, int, int]]) -> list[Row]:
-    now = dict.fromkeys(USED, 0)
-    rows = []
-    for pin, gap, width in drawn:
-        rise = now[pin] + gap
-        rows += [(rise, pin, HIGH), (rise + width, pin, LOW)]
-        now[pin] = rise + width
-    return sorted(rows)
-
-
-def stretches(high: list[tuple[int, bool]]) -> list[tuple[int, int]]:
-    found: list[tuple[int, int]] = []
-    for (_, before), (cycle, now) in pairwise([(-1, False), *high]):
-        if now and not before:
-            found.append((cycle, 1))
-        elif now:
-            found[-1] = (found[-1][0], found[-1][1] + 1)
-    return found
-
-
-@settings(derandomize=True, deadline=None, max_examples=30)
-@given(PULSES, st.integers(1, 9), st.integers(0, 3))
-def test_pins_that_are_high_together_are_those_of_looking_at_every_cycle(
-    drawn: list[tuple[int, int, int]], window: int, tail: int
-) -> None:
-    rows = rows_of(drawn)
-    # The end is after the last edge: without one, nothing is high.
-    end = (rows[-1][0] if rows else 0) + 1 + tail
-    high = simultaneous(rows, end)
-    pairs = {pair for _, pins in high for pair in combinations(sorted(pins), 2)}
-    assert together(edges(rows), LOWS, np.array(USED, dtype=np.uint8)) == pairs
-    counter = OverlapCount()
-    for begin in range(0, end, window):
-        counter.add(edges([row for row in rows if begin <= row[0] < begin + window]))
-    many = stretches([(cycle, len(pins) > 1) for cycle, pins in high])
-    found = counter.finish(end)
-    assert (found is None) == (not many)
-    if found:
-        assert (found.count, found.longest) == (len(many), max(length for _, length in many))
-        assert found.first == many[0][0]
-        assert found.pins == min(combinations(sorted(dict(high)[many[0][0]]), 2))
-    allowed = {(0, 5)}
-    wrong = stretches([(cycle, bool(set(combinations(sorted(pins), 2)) - allowed)) for cycle, pins in high])
-    judged = overlap(edges(rows), allowed, LOWS, np.array(USED, dtype=np.uint8), end)
-    assert (judged is None) == (not wrong)
-    if judged:
-        assert (judged.count, judged.longest) == (len(wrong), max(length for _, length in wrong))
-        assert judged.first == wrong[0][0]
-
-
-def test_pins_that_were_high_before_count_and_those_that_end_open_end_with_the_trace() -> None:
-    high = LOWS.copy()
-    high[5] = 1
-    used = np.array(USED, dtype=np.uint8)
-    found = overlap(edges([(10, 12, HIGH), (14, 12, LOW), (20, 0, HIGH)]), set(), high, used, 29)
-    assert found is not None
-    assert (found.count, found.longest, found.first, found.pins) == (2, 9, 10, (5, 12))
-    assert overlap(edges([(10, 12, HIGH)]), {(5, 12)}, high, used, 29) is None
-    counter = OverlapCount()
-    counter.add(edges([(1, 5, HIGH), (2, 0, HIGH)]))
-    counter.add(edges([]))
-    ended = counter.finish(40)
-    assert ended is not None
-    assert (ended.count, ended.longest, ended.first, ended.pins) == (1, 38, 2, (0, 5))
-
-
-def test_windows_take_every_edge_once_in_the_order_of_cycles_and_pins() -> None:
-    rows = [(0, 12, HIGH), (0, 3, HIGH), (4, 3, LOW), (4, 3, HIGH), (5, 1, HIGH), (9, 0, HIGH)]
-    for sizes in product((1, 2, 6), repeat=2):
-        cuts = [0, *np.cumsum(sizes).tolist(), 99]
-        windows = Windows(edges(rows[begin:end]) for begin, end in pairwise(cuts))
-        assert windows.first() == 0
-        assert windows.ahead(5).cycle.tolist() == [0, 0, 4, 4]
-        early = windows.until(5)
-        assert list(zip(early.cycle.tolist(), early.pin.tolist(), strict=True)) == [
-            (0, 3),
-            (0, 12),
-            (4, 3),
-            (4, 3),
-        ]
-        assert early.level.tolist() == [HIGH, HIGH, LOW, HIGH]
-        assert windows.first() == 5
-        assert windows.until(9).cycle.tolist() == [5]
-        assert windows.until(9).cycle.tolist() == []
-        assert windows.until(10).cycle.tolist() == [9]
-        assert windows.first() is None
-        assert windows.ahead(100).cycle.tolist() == []
-
-
-def test_windows_read_no_further_than_the_limit_requires() -> None:
-    read = []
-
-    def chunks() -> object:
-        for cycle in (3, 5, 7, 9):
-            read.append(cycle)
-            yield edges([(cycle, 0, HIGH)])
-
-    windows = Windows(chunks())  # type: ignore[arg-type]
-    assert windows.until(5).cycle.tolist() == [3]
-    assert read == [3, 5]
-    assert windows.until(6).cycle.tolist() == [5]
-    assert read == [3, 5, 7]
-
-
-def test_what_is_known_of_the_windows_before_a_difference() -> None:
-    """After each window, as counted edge by edge."""
-    random = Random(2)
-    seen = PinHistory.at_start()
-    now, level = 0, [LOW] * len(PINS)
-    rises, last, frames = ([0] * len(PINS) for _ in range(3))
-    pairs: set[tuple[int, int]] = set()
-    for window in range(30):
-        rows, numbers = [], []
-        for _ in range(random.randint(0, 5)):
-            now += random.randint(1, 9)
-            pin = random.choice((0, 5, 6, 12))
-            level[pin] = LOW if level[pin] == HIGH else HIGH
-            rows.append((now, pin, level[pin]))
-            numbers.append(window // 3)
-            if level[pin] == HIGH:
-                rises[pin], last[pin], frames[pin] = rises[pin] + 1, now, window // 3
-            high = [each for each in range(len(PINS)) if level[each] == HIGH]
-            pairs |= set(combinations(high, 2))
-        seen.add(edges(rows, numbers))
-        assert (seen.rises.tolist(), seen.last_rise.tolist()) == (rises, last)
-        assert (seen.last_frame.tolist(), seen.level.tolist()) == (frames, level)
-        assert seen.together == pairs
-        assert not numbers or seen.frame == numbers[-1]
-
-
-def test_stray_edges_are_counted_from_the_first_on() -> None:
-    stray = StrayCount()
-    assert stray.pins() == ()
-    for rows in ([(7, 3), (8, 3), (9, 1)], [(11, 3), (12, 0)]):
-        cycle, pin = zip(*rows, strict=True)
-        stray.add(np.array(cycle, dtype=np.int64), np.array(pin, dtype=np.uint8))
-    assert [(each.pin, each.edges, each.first) for each in stray.pins()] == [(0, 1, 12), (1, 1, 9), (3, 3, 7)]
 
 
 # A schedule of 6 frames of 100 cycles: frame 0 and 1 are of the lead-in, 2 to 5 the loop; frame 4 is quiet.
