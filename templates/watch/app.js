@@ -279,7 +279,9 @@ class Page {
       rows.push({ name: "serial in", pin: pin(model.serial.pin) });
       if (model.serial.answers) rows.push({ name: "serial out", pin: pin(model.serial.answers) });
     }
-    if (model.bus) rows.push({ name: "SCL", pin: pin(model.bus.scl) }, { name: "SDA", pin: pin(model.bus.sda) });
+    if (model.bus) {
+      rows.push({ name: "SCL", pin: pin(model.bus.scl) }, { name: "SDA", pin: pin(model.bus.sda) });
+    }
     for (const each of model.inputs) rows.push({ name: each.name, pin: pin(each.pin) });
     return {
       rows,

@@ -416,11 +416,11 @@ export class Waves {
     const parts = [], [a, b] = this.cursors, place = this.hover && this.at(...this.hover);
     const cycles = value => `${value} ${Math.abs(value) === 1 ? "cycle" : "cycles"}`;
     if (place) {
-      const { row, level, begin, end } = place, known = begin !== null && end !== null;
+      const { row, level, begin, end, cycle } = place, known = begin !== null && end !== null;
       const width = known ? end - begin : 0;
       const meaning = level === 1 && row.servo ? this.options.describe(row, width) : timeText(this.us(width));
       const way = level === 1 ? "high" : level === 0 ? "low" : "not driven";
-      const said = this.data.said?.[row.pin]?.find(([begin, end]) => begin <= place.cycle && place.cycle <= end);
+      const said = this.data.said?.[row.pin]?.find(([begin, end]) => begin <= cycle && cycle <= end);
       parts.push(`${row.name} ${way}${known ? ` for ${meaning}, ${cycles(width)}` : ""}`);
       if (said) parts.push(said[2]);
     }
