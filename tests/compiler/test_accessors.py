@@ -99,21 +99,15 @@ GIVEN = (1, -1, 0x5555, -32768)
 Change = Callable[[int, int], int]
 CHANGES: dict[str, tuple[Change, bool]] = {
     # what happens to the field w, from its value and i; whether the value of the whole goes to r
-    "{0} = i;": (lambda w, i: i, False),
-    "{0} = 257;": (lambda w, i: 257, False),
-    "{0} = -2;": (lambda w, i: -2, False),
-    "r = ({0} = i);": (lambda w, i: i, True),
+    "{0} = i;": (lambda w, i: i, False), "{0} = 257;": (lambda w, i: 257, False),
+    "{0} = -2;": (lambda w, i: -2, False), "r = ({0} = i);": (lambda w, i: i, True),
     "r = ({0} = 20000);": (lambda w, i: 20000, True),
     "r = ({0} = -300);": (lambda w, i: -300, True),
-    "r = {0};": (lambda w, i: w, True),
-    "{0} += i;": (lambda w, i: w + i, False),
-    "r = {0} -= 3;": (lambda w, i: w - 3, True),
-    "{0} |= i;": (lambda w, i: w | i, False),
-    "r = ++{0};": (lambda w, i: w + 1, True),
-    "r = --{0};": (lambda w, i: w - 1, True),
-    "{0} >>= 1;": (lambda w, i: w >> 1, False),
-    "{0} <<= 3;": (lambda w, i: w << 3, False),
-}
+    "r = {0};": (lambda w, i: w, True), "{0} += i;": (lambda w, i: w + i, False),
+    "r = {0} -= 3;": (lambda w, i: w - 3, True), "{0} |= i;": (lambda w, i: w | i, False),
+    "r = ++{0};": (lambda w, i: w + 1, True), "r = --{0};": (lambda w, i: w - 1, True),
+    "{0} >>= 1;": (lambda w, i: w >> 1, False), "{0} <<= 3;": (lambda w, i: w << 3, False),
+}  # fmt: skip
 
 
 def wrapped(value: int, width: int, signed: bool) -> int:
@@ -161,18 +155,10 @@ __eeprom struct { unsigned char x; int y[2]; } z[2]; int i, r; unsigned char k;
 """
 OBJECTS = {
     # how an object is named: where it begins, its form
-    "c": (0, "<B"),
-    "s": (1, "<b"),
-    "n": (2, "<h"),
-    "l": (4, "<i"),
-    "a[0]": (8, "<h"),
-    "a[2]": (12, "<h"),
-    "a[k]": (10, "<h"),
-    "z[0].x": (14, "<B"),
-    "z[1].y[1]": (22, "<h"),
-    "z[k].x": (19, "<B"),
+    "c": (0, "<B"), "s": (1, "<b"), "n": (2, "<h"), "l": (4, "<i"), "a[0]": (8, "<h"), "a[2]": (12, "<h"),
+    "a[k]": (10, "<h"), "z[0].x": (14, "<B"), "z[1].y[1]": (22, "<h"), "z[k].x": (19, "<B"),
     "z[k].y[k]": (22, "<h"),
-}
+}  # fmt: skip
 COUNTED: dict[str, Change] = {
     # what becomes of an object, from its value and i; r gets the value of the whole
     "r = {0};": lambda value, i: value,
@@ -214,22 +200,12 @@ TWICE = (
 @every(
     ("text", "said"),
     [
-        ("o[i++].w = 5;", []),
-        ("‸o[i++].w += 5;", [TWICE]),
-        ("‸o[i++].w++;", [TWICE]),
-        ("‸o[v].w += 5;", [TWICE]),
-        ("o[i].w += 5;", []),
-        ("p->w += 5;", []),
-        ("(‸p++)->w += 5;", [TWICE]),
-        ("(p + i)->w++;", []),
-        ("‸e[i++] += 5;", [TWICE]),
-        ("--‸e[v];", [TWICE]),
-        ("e[i] += 5;", []),
-        ("e[2] += 5;", []),
-        ("e[i++] = 5;", []),
-        ("n += 5;", []),
+        ("o[i++].w = 5;", []), ("‸o[i++].w += 5;", [TWICE]), ("‸o[i++].w++;", [TWICE]),
+        ("‸o[v].w += 5;", [TWICE]), ("o[i].w += 5;", []), ("p->w += 5;", []), ("(‸p++)->w += 5;", [TWICE]),
+        ("(p + i)->w++;", []), ("‸e[i++] += 5;", [TWICE]), ("--‸e[v];", [TWICE]), ("e[i] += 5;", []),
+        ("e[2] += 5;", []), ("e[i++] = 5;", []), ("n += 5;", []),
     ],
-)
+)  # fmt: skip
 def test_an_object_that_an_operator_reads_and_stores_is_found_only_once(text: str, said: list[str]) -> None:
     head = (
         "__eeprom unsigned char e[3], n; struct { unsigned w : 9; } o[3], *p = o; char i; volatile char v;\n"

@@ -54,17 +54,11 @@ def dividends(bits: int) -> list[int]:
 @pytest.mark.parametrize(
     ("divisor", "routine"),
     [
-        (3, "__divide_2_1_0"),
-        (100, "__divide_2_1_0"),
-        (127, "__divide_2_1_0"),
-        (129, "__divide_2_1_1"),
-        (255, "__divide_2_1_1"),
-        (257, "__divide_2_2_0"),
-        (32767, "__divide_2_2_0"),
-        (32769, "__divide_2_2_1"),
-        (65535, "__divide_2_2_1"),
+        (3, "__divide_2_1_0"), (100, "__divide_2_1_0"), (127, "__divide_2_1_0"), (129, "__divide_2_1_1"),
+        (255, "__divide_2_1_1"), (257, "__divide_2_2_0"), (32767, "__divide_2_2_0"),
+        (32769, "__divide_2_2_1"), (65535, "__divide_2_2_1"),
     ],
-)
+)  # fmt: skip
 def test_a_constant_divisor_gets_the_narrowest_routine(divisor: int, routine: str) -> None:
     made = compiled("uint16_t", "uint16_t", f"result = a / {divisor}u; rest = a % {divisor}u;")
     assert routines(made) == {routine}

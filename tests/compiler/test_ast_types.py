@@ -74,17 +74,11 @@ HERE = Location("main.c", 1, 1)
 F24, F32 = FloatType(3), FloatType(4)
 INTEGERS = {
     # type: bytes, signed, as declared
-    U8: (1, False, "unsigned char"),
-    S8: (1, True, "signed char"),
-    U16: (2, False, "unsigned int"),
-    S16: (2, True, "int"),
-    U24: (3, False, "unsigned short long"),
-    S24: (3, True, "short long"),
-    U32: (4, False, "unsigned long"),
-    S32: (4, True, "long"),
-    C2C_INT: (2, False, "int"),
+    U8: (1, False, "unsigned char"), S8: (1, True, "signed char"), U16: (2, False, "unsigned int"),
+    S16: (2, True, "int"), U24: (3, False, "unsigned short long"), S24: (3, True, "short long"),
+    U32: (4, False, "unsigned long"), S32: (4, True, "long"), C2C_INT: (2, False, "int"),
     C2C_SIGNED: (2, True, "signed int"),
-}
+}  # fmt: skip
 
 
 def converted(value: int, size: int, signed: bool) -> int:
@@ -125,20 +119,11 @@ def test_other_types_have_their_sizes() -> None:
     assert [
         PointerType(kind).size for kind in (U8, U32, const, both, ArrayType(const, 3), PointerType(const))
     ] == [
-        1,
-        1,
-        2,
-        1,
-        2,
-        1,
-    ]
+        1, 1, 2, 1, 2, 1,
+    ]  # fmt: skip
     assert [kind.size for kind in (VOID, F24, F32, ArrayType(S24, 5), ArrayType(U8, None))] == [
-        1,
-        3,
-        4,
-        15,
-        0,
-    ]
+        1, 3, 4, 15, 0,
+    ]  # fmt: skip
     assert FuncType(VOID, ()).size == 1
     assert [kind.scalar for kind in (F24, PointerType(VOID), VOID, ArrayType(U8, 1))] == [
         True,
@@ -200,21 +185,13 @@ def test_qualifiers_are_added_and_taken_off() -> None:
     assert inner == ArrayType(ArrayType(CONST_U8, 2), 3)
     assert not inner.const
     assert [is_const_object(kind) for kind in (inner, CONST_U8, volatile, U8, PointerType(CONST_U8))] == [
-        True,
-        True,
-        False,
-        False,
-        False,
-    ]
+        True, True, False, False, False,
+    ]  # fmt: skip
     assert not is_const_object(qualified(U8, const=True, volatile=True))
     inside = structure(parts=(Member("a", U8, 0), Member("b", ArrayType(volatile, 1), 1)))
     assert [holds_volatile(kind) for kind in (volatile, U8, ArrayType(volatile, 2), inside, structure())] == [
-        True,
-        False,
-        True,
-        True,
-        False,
-    ]
+        True, False, True, True, False,
+    ]  # fmt: skip
     assert holds_volatile(structure(parts=(Member("s", inside, 0),)))
 
 
@@ -228,42 +205,22 @@ def node_type() -> StructType:
 A = Member("a", U8, 0)
 CLASSES: list[list[CType]] = [
     # types of one list are compatible (ISO C 6.2.7, 6.7.6), those of different lists are not
-    [U8, CONST_U8, IntType("byte", 1, False)],
-    [S8],
-    [U16, C2C_INT],
-    [S16, C2C_SIGNED],
-    [U24],
-    [S32],
-    [BOOL, BIT],
-    [F24],
+    [U8, CONST_U8, IntType("byte", 1, False)], [S8], [U16, C2C_INT], [S16, C2C_SIGNED], [U24], [S32],
+    [BOOL, BIT], [F24],
     [F32, qualified(F32, const=True, volatile=False)],
     [VOID],
     [PointerType(U8), PointerType(U8, const=True)],
-    [PointerType(S8)],
-    [PointerType(CONST_U8)],
-    [PointerType(PointerType(U8))],
-    [PointerType(PointerType(CONST_U8))],
-    [ArrayType(U8, 3)],
-    [ArrayType(U8, 4)],
-    [ArrayType(S8, 3)],
-    [structure(), structure()],
-    [structure("t")],
-    [structure(union=True)],
-    [structure(size=3)],
-    [structure(parts=(A, Member("b", U8, 1)))],
-    [structure(parts=(Member("c", U8, 0),))],
-    [structure(parts=(Member("a", U8, 1),))],
-    [structure(parts=(Member("a", S8, 0),))],
+    [PointerType(S8)], [PointerType(CONST_U8)], [PointerType(PointerType(U8))],
+    [PointerType(PointerType(CONST_U8))], [ArrayType(U8, 3)], [ArrayType(U8, 4)], [ArrayType(S8, 3)],
+    [structure(), structure()], [structure("t")], [structure(union=True)], [structure(size=3)],
+    [structure(parts=(A, Member("b", U8, 1)))], [structure(parts=(Member("c", U8, 0),))],
+    [structure(parts=(Member("a", U8, 1),))], [structure(parts=(Member("a", S8, 0),))],
     [structure(parts=(Member("a", U8, 0, 0, 3),))],
     [structure(parts=(Member("a", U8, 0, 1, 3),))],
     [structure(parts=(Member("a", U8, 0, 0, 4),))],
-    [node_type(), node_type()],
-    [FuncType(U8, (S16,))],
-    [FuncType(U8, (U16,))],
-    [FuncType(U8, (S16, S16))],
-    [FuncType(S8, (S16,))],
-    [FuncType(U8, ())],
-]
+    [node_type(), node_type()], [FuncType(U8, (S16,))], [FuncType(U8, (U16,))], [FuncType(U8, (S16, S16))],
+    [FuncType(S8, (S16,))], [FuncType(U8, ())],
+]  # fmt: skip
 
 
 def test_types_are_compatible_exactly_as_iso_c_says() -> None:
@@ -329,18 +286,10 @@ def test_the_usual_arithmetic_conversions_of_all_pairs(c2c: bool) -> None:
 
 SPELLINGS = {
     # without a sign: bytes in XC8 and SDCC, bytes in C2C, whose int and long have 16 bits
-    "char": (1, 1),
-    "short": (2, 2),
-    "short int": (2, 2),
-    "int short": (2, 2),
-    "int": (2, 2),
-    "short long": (3, 3),
-    "short long int": (3, 3),
-    "long short": (3, 3),
-    "long": (4, 2),
-    "long int": (4, 2),
+    "char": (1, 1), "short": (2, 2), "short int": (2, 2), "int short": (2, 2), "int": (2, 2),
+    "short long": (3, 3), "short long int": (3, 3), "long short": (3, 3), "long": (4, 2), "long int": (4, 2),
     "int long": (4, 2),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("dialect", [C2C, XC8, SDCC])
@@ -416,13 +365,9 @@ def test_shifts_of_constants_count_in_one_byte() -> None:
 
 def test_comparisons_and_their_mirror_images() -> None:
     meanings = {
-        "<": operator.lt,
-        "<=": operator.le,
-        ">": operator.gt,
-        ">=": operator.ge,
-        "==": operator.eq,
+        "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq,
         "!=": operator.ne,
-    }
+    }  # fmt: skip
     assert meanings.keys() == COMPARISONS
     for op, left, right in product(meanings, range(-1, 2), range(-1, 2)):
         assert compare(op, left, right) is bool(meanings[op](left, right))
@@ -520,61 +465,39 @@ SMALL: Expr = two("&", BYTE, num(15))
 """0 … 15."""
 SIGNED: Expr = Cast(ref(S8), S16, HERE)
 INTERVALS: list[tuple[Expr, tuple[int, int]]] = [
-    (num(-7), (-7, -7)),
-    (ref(U8), (0, 255)),
-    (ref(S16), (-32768, 32767)),
-    (ref(U8, bit=2, width=3), (0, 7)),
+    (num(-7), (-7, -7)), (ref(U8), (0, 255)), (ref(S16), (-32768, 32767)), (ref(U8, bit=2, width=3), (0, 7)),
     (ref(S8, bit=0, width=3), (-4, 3)),
     (Deref(ref(PointerType(U8)), 0, U8, HERE, 0, 5), (0, 31)),
     (Deref(ref(PointerType(U8)), 0, U8, HERE), (0, 255)),
-    (BYTE, (0, 255)),
-    (Cast(ref(S16), U8, HERE), (0, 255)),
-    (Cast(SMALL, U8, HERE), (0, 15)),
-    (Cast(SIGNED, U8, HERE), (0, 255)),
-    (Cast(SIGNED, U16, HERE), (0, 65535)),
-    (Cast(num(9), BOOL, HERE), (0, 1)),
-    (Unary("!", BYTE, S16, HERE), (0, 1)),
+    (BYTE, (0, 255)), (Cast(ref(S16), U8, HERE), (0, 255)), (Cast(SMALL, U8, HERE), (0, 15)),
+    (Cast(SIGNED, U8, HERE), (0, 255)), (Cast(SIGNED, U16, HERE), (0, 65535)),
+    (Cast(num(9), BOOL, HERE), (0, 1)), (Unary("!", BYTE, S16, HERE), (0, 1)),
     (Unary("-", BYTE, S16, HERE), (-255, 0)),
     (Unary("-", ref(S16), S16, HERE), (-32768, 32767)),
     (Unary("-", SMALL, U16, HERE), (0, 65535)),
     (Unary("~", BYTE, S16, HERE), (-32768, 32767)),
-    (Logic("&&", BYTE, BYTE, S16, HERE), (0, 1)),
-    (two("<", BYTE, BYTE), (0, 1)),
+    (Logic("&&", BYTE, BYTE, S16, HERE), (0, 1)), (two("<", BYTE, BYTE), (0, 1)),
     (two("+", BYTE, BYTE), (0, 510)),
     (two("+", ref(S16), num(1)), (-32768, 32767)),
     (two("-", BYTE, SMALL), (-15, 255)),
     (two("-", ref(U16), num(1), U16), (0, 65535)),
-    (two("*", SIGNED, SMALL), (-1920, 1905)),
-    (two("*", SIGNED, SIGNED), (-16256, 16384)),
-    (two("*", BYTE, BYTE), (-32768, 32767)),
-    (two("&", SIGNED, SMALL), (0, 15)),
-    (two("&", SMALL, SIGNED), (0, 15)),
-    (two("&", BYTE, SMALL), (0, 15)),
-    (two("&", SIGNED, SIGNED), (-32768, 32767)),
-    (two("|", SMALL, num(16)), (0, 31)),
-    (two("|", SMALL, num(15)), (0, 15)),
-    (two("^", SMALL, BYTE), (0, 255)),
-    (two("^", SIGNED, BYTE), (-32768, 32767)),
-    (two("|", BYTE, SIGNED), (-32768, 32767)),
+    (two("*", SIGNED, SMALL), (-1920, 1905)), (two("*", SIGNED, SIGNED), (-16256, 16384)),
+    (two("*", BYTE, BYTE), (-32768, 32767)), (two("&", SIGNED, SMALL), (0, 15)),
+    (two("&", SMALL, SIGNED), (0, 15)), (two("&", BYTE, SMALL), (0, 15)),
+    (two("&", SIGNED, SIGNED), (-32768, 32767)), (two("|", SMALL, num(16)), (0, 31)),
+    (two("|", SMALL, num(15)), (0, 15)), (two("^", SMALL, BYTE), (0, 255)),
+    (two("^", SIGNED, BYTE), (-32768, 32767)), (two("|", BYTE, SIGNED), (-32768, 32767)),
     (two("/", BYTE, num(10)), (0, 25)),
     (two("/", two("+", SMALL, num(32)), two("+", SMALL, num(2))), (1, 23)),
-    (two("/", SIGNED, num(2)), (-32768, 32767)),
-    (two("/", BYTE, num(1)), (0, 255)),
-    (two("%", BYTE, num(1)), (0, 0)),
-    (two("/", BYTE, SMALL), (-32768, 32767)),
-    (two("%", BYTE, num(10)), (0, 9)),
-    (two("%", SMALL, num(100)), (0, 15)),
-    (two("%", SIGNED, num(10)), (-32768, 32767)),
-    (two("%", BYTE, SMALL), (-32768, 32767)),
-    (two(">>", BYTE, num(2)), (0, 63)),
-    (two(">>", SIGNED, num(2)), (-32, 31)),
-    (two(">>", BYTE, SMALL), (0, 255)),
-    (two(">>", SIGNED, SMALL), (-32768, 32767)),
+    (two("/", SIGNED, num(2)), (-32768, 32767)), (two("/", BYTE, num(1)), (0, 255)),
+    (two("%", BYTE, num(1)), (0, 0)), (two("/", BYTE, SMALL), (-32768, 32767)),
+    (two("%", BYTE, num(10)), (0, 9)), (two("%", SMALL, num(100)), (0, 15)),
+    (two("%", SIGNED, num(10)), (-32768, 32767)), (two("%", BYTE, SMALL), (-32768, 32767)),
+    (two(">>", BYTE, num(2)), (0, 63)), (two(">>", SIGNED, num(2)), (-32, 31)),
+    (two(">>", BYTE, SMALL), (0, 255)), (two(">>", SIGNED, SMALL), (-32768, 32767)),
     (two(">>", SIGNED, num(-1)), (-32768, 32767)),
-    (two("<<", SMALL, num(2)), (0, 60)),
-    (two("<<", SIGNED, num(2)), (-512, 508)),
-    (two("<<", SMALL, num(0)), (0, 15)),
-    (two("<<", SMALL, num(12)), (-32768, 32767)),
+    (two("<<", SMALL, num(2)), (0, 60)), (two("<<", SIGNED, num(2)), (-512, 508)),
+    (two("<<", SMALL, num(0)), (0, 15)), (two("<<", SMALL, num(12)), (-32768, 32767)),
     (two("<<", num(1), num(31), U32), (1 << 31, 1 << 31)),
     (two("<<", num(0), num(32), U32), (0, 0xFFFFFFFF)),
     (two("<<", num(1), SMALL), (-32768, 32767)),
@@ -586,7 +509,7 @@ INTERVALS: list[tuple[Expr, tuple[int, int]]] = [
     (Assign(ref(S8), SMALL, S8, HERE), (0, 15)),
     (Update("+", ref(U8), num(1), S16, False, U8, HERE), (0, 255)),
     (Call("f", [], U8, HERE), (0, 255)),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("expr", "expected"), INTERVALS)
@@ -606,24 +529,14 @@ def shapes(inner: Expr) -> list[Expr]:
     """Return expressions with one operand each; the others have no effect."""
     indexed = Ref(Symbol("a", ArrayType(U8, 3), "global"), 0, inner, U8, HERE)
     return [
-        inner,
-        indexed,
-        Deref(inner, 0, U8, HERE),
-        Cast(inner, S16, HERE),
-        Unary("-", inner, S16, HERE),
-        *(
-            kind("+", *pair, S16, HERE)
-            for kind in (Binary, Logic)
-            for pair in ((inner, QUIET), (QUIET, inner))
-        ),
-        Comma(inner, QUIET, U8, HERE),
-        Comma(QUIET, inner, U8, HERE),
-        Choice(inner, QUIET, QUIET, U8, HERE),
-        Choice(QUIET, inner, QUIET, U8, HERE),
-        Choice(QUIET, QUIET, inner, U8, HERE),
+        inner, indexed, Deref(inner, 0, U8, HERE), Cast(inner, S16, HERE), Unary("-", inner, S16, HERE),
+        *(kind("+", *pair, S16, HERE) for kind in (Binary, Logic) for pair in ((inner, QUIET), (QUIET,
+            inner))),
+        Comma(inner, QUIET, U8, HERE), Comma(QUIET, inner, U8, HERE), Choice(inner, QUIET, QUIET, U8, HERE),
+        Choice(QUIET, inner, QUIET, U8, HERE), Choice(QUIET, QUIET, inner, U8, HERE),
         Builtin("float_add", [QUIET, inner], F32, HERE),
         AddressOf(indexed, PointerType(U8), HERE),
-    ]
+    ]  # fmt: skip
 
 
 def test_an_expression_has_an_effect_where_an_operand_has_one() -> None:

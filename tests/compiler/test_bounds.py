@@ -24,61 +24,35 @@ CASES = {
     "macros that double in assembly": (DOUBLED + "void main(void) { asm movlw A40\n }", EXPANDED, None),
     "arguments that double": (NESTED, EXPANDED, 3),
     "strings that double": (QUOTED + MAIN, EXPANDED, 3),
-    "uses of a macro inside its own arguments": (
-        "#define F(x) x\nint a = " + "F(" * 600 + "1" + ")" * 600 + ";\n" + MAIN,
-        "macros are nested too deeply",
-        None,
-    ),
-    "a long comment": (
-        "/*" + "x" * 10_000_000 + "*/\n" + MAIN,
-        "'main.c' has 10000036 characters, a source file has at most 200000",
-        None,
-    ),
-    "200 000 statements": (
-        "void main(void) {" + "PORTB = 1;" * 200_000 + "}",
-        "'main.c' has 2000018 characters, a source file has at most 200000",
-        None,
-    ),
+    "uses of a macro inside its own arguments":
+        ("#define F(x) x\nint a = " + "F(" * 600 + "1" + ")" * 600 + ";\n" + MAIN,
+        "macros are nested too deeply", None),
+    "a long comment": ("/*" + "x" * 10_000_000 + "*/\n" + MAIN,
+        "'main.c' has 10000036 characters, a source file has at most 200000", None),
+    "200 000 statements": ("void main(void) {" + "PORTB = 1;" * 200_000 + "}",
+        "'main.c' has 2000018 characters, a source file has at most 200000", None),
     "many statements": ("void main(void) {\n" + "RB0=1;\n" * 20_000 + "}", WORDS, 10_000),
     "parentheses": ("void main(void) {\n PORTB = " + "(" * 30_000 + "1" + ")" * 30_000 + ";}", WORDS, 2),
     "deep parentheses": ("void main(void) {\n PORTB = " + "(" * 2_000 + "1" + ")" * 2_000 + ";}", DEEP, 2),
     "deep blocks": ("void main(void) {\n" + "{" * 2_000 + "}" * 2_000 + "}", DEEP, 2),
     "deep initialisers": (MAIN + "const char t[1] = " + "{" * 2_000 + "1" + "}" * 2_000 + ";", DEEP, 2),
     "a deep sum": ("char a;\nvoid main(void) {\n a = a" + "+ a" * 2_000 + "; }", DEEP, 2),
-    "code": (
-        "char a;\nvoid main(void) {" + "PORTB = a;" * 3_000 + "}",
-        "the program has 6001 instructions up to here, the chip has 1024 words",
-        2,
-    ),
-    "assembly": (
-        "void main(void) {\n" + "asm nop\n" * 3_001 + "}",
-        "the program has more than 3000 lines of assembly",
-        3_002,
-    ),
+    "code": ("char a;\nvoid main(void) {" + "PORTB = a;" * 3_000 + "}",
+        "the program has 6001 instructions up to here, the chip has 1024 words", 2),
+    "assembly": ("void main(void) {\n" + "asm nop\n" * 3_001 + "}",
+        "the program has more than 3000 lines of assembly", 3_002),
     "an open comment": (MAIN + "/* x\n" * 9, "the comment is not closed", 2),
-    "a long number": (
-        "int a;\nvoid main(void) { a = " + "9" * 5_000 + "; }",
-        "9999999999999999999999999999999999999999… does not fit in 32 bits",
-        2,
-    ),
+    "a long number": ("int a;\nvoid main(void) { a = " + "9" * 5_000 + "; }",
+        "9999999999999999999999999999999999999999… does not fit in 32 bits", 2),
     "dots": ("int a = " + "1." * 50_000 + ";", None, 1),
     "a huge structure": (STRUCTURES + MAIN, "a structure of 2048 bytes is larger than the chip's memory", 11),
-    "a huge array": (
-        "char a[1000000000];\n" + MAIN,
-        "an array of 1000000000 bytes is larger than the chip's memory",
-        1,
-    ),
-    "a huge index": (
-        "const char a[] = {[2000000000] = 1};\n" + MAIN,
-        "an array of 2000000001 bytes is larger than the chip's memory",
-        1,
-    ),
-    "a huge local array": (
-        "void main(void) {\n  char a[1000] = {1};\n  PORTB = a[0];\n}",
-        "'a' needs 1000 bytes of RAM, the chip has 68",
-        2,
-    ),
-}
+    "a huge array": ("char a[1000000000];\n" + MAIN,
+        "an array of 1000000000 bytes is larger than the chip's memory", 1),
+    "a huge index": ("const char a[] = {[2000000000] = 1};\n" + MAIN,
+        "an array of 2000000001 bytes is larger than the chip's memory", 1),
+    "a huge local array": ("void main(void) {\n  char a[1000] = {1};\n  PORTB = a[0];\n}",
+        "'a' needs 1000 bytes of RAM, the chip has 68", 2),
+}  # fmt: skip
 
 
 SAME_LIMIT = ("macros that double in #if", "macros that double in #pragma", "macros that double in assembly")

@@ -29,55 +29,31 @@ DRAIN = "c-open-drain: RA4 is an open-drain output: it is high only with a pull-
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("‸RB0 = 1;", is_input("RB0")),
-        ("‸RB7 = 0;", is_input("RB7")),
-        ("‸RA0 = 1;", is_input("RA0")),
-        ("‸‸PORTB |= 5;", is_input("RB0", "RB2")),
-        ("‸PORTB ^= 0x80;", is_input("RB7")),
-        ("PORTB |= 0;", []),
-        ("PORTB |= a;", []),
-        ("‸RB3 ^= 1;", is_input("RB3")),
+        ("‸RB0 = 1;", is_input("RB0")), ("‸RB7 = 0;", is_input("RB7")), ("‸RA0 = 1;", is_input("RA0")),
+        ("‸‸PORTB |= 5;", is_input("RB0", "RB2")), ("‸PORTB ^= 0x80;", is_input("RB7")), ("PORTB |= 0;", []),
+        ("PORTB |= a;", []), ("‸RB3 ^= 1;", is_input("RB3")),
         ("TRISB0 = 0; RB0 = 1; ‸RB1 = 1;", is_input("RB1")),
-        ("TRISB0 = 1; ‸RB0 = 1;", is_input("RB0")),
-        ("TRISB0 = a; RB0 = 1;", []),
+        ("TRISB0 = 1; ‸RB0 = 1;", is_input("RB0")), ("TRISB0 = a; RB0 = 1;", []),
         ("TRISB = 0xFE; RB0 = 1; ‸RB1 = 1;", is_input("RB1")),
         ("TRISB = 0x7F; RB7 = 1; ‸RB6 = 1;", is_input("RB6")),
-        ("TRISB = a; RB7 = 1;", []),
-        ("TRISB &= 0xFE; RB7 = 1;", []),
-        ("TRISA = 0; ‸RB0 = 1;", is_input("RB0")),
-        ("TRISB = 0; ‸RA0 = 1;", is_input("RA0")),
-        ("q = &a; *q = 1; RB0 = 1;", []),
-        ("q = &a; RB0 = 1;", []),
-        ('RB0 = 1; asm("nop");', []),
-        ("a = RB0;", []),
-        ("‸PORTB = 5;", [DIRECTION.format("B")]),
+        ("TRISB = a; RB7 = 1;", []), ("TRISB &= 0xFE; RB7 = 1;", []),
+        ("TRISA = 0; ‸RB0 = 1;", is_input("RB0")), ("TRISB = 0; ‸RA0 = 1;", is_input("RA0")),
+        ("q = &a; *q = 1; RB0 = 1;", []), ("q = &a; RB0 = 1;", []), ('RB0 = 1; asm("nop");', []),
+        ("a = RB0;", []), ("‸PORTB = 5;", [DIRECTION.format("B")]),
         ("‸PORTA = 5; PORTA = 6;", [DIRECTION.format("A")]),
-        ("PORTB = 5; TRISB = 0;", []),
-        ("PORTB = 5; TRISB1 = 0;", []),
+        ("PORTB = 5; TRISB = 0;", []), ("PORTB = 5; TRISB1 = 0;", []),
         ("‸PORTB = a;", [DIRECTION.format("B")]),
         ("TRISA = 0; ‸PORTB = 5;", [DIRECTION.format("B")]),
-        ("PORTB += 5;", []),
-        ("PORTB &= 5;", []),
-        ("q = &a; PORTB = 5;", []),
-        ('PORTB = 5; asm("nop");', []),
-        ("TRISA4 = 0; ‸RA4 = 1;", [DRAIN]),
-        ("TRISA = 0xEF; ‸RA4 = 1;", [DRAIN]),
-        ("TRISA = 0; ‸PORTA = 0x10;", [DRAIN]),
-        ("TRISA = 0; ‸PORTA = 0x1F;", [DRAIN]),
-        ("TRISA = 0; PORTA = 0x20;", []),
-        ("TRISA = 0; PORTA = 0x3F;", []),
-        ("TRISA = 0; PORTA = 0x0F;", []),
-        ("TRISA = 0; ‸PORTA |= 0x30;", [DRAIN]),
-        ("TRISA = 0; PORTA |= 0x0F;", []),
-        ("TRISA = 0; PORTA &= 0x1F;", []),
-        ("TRISA = 0; PORTA = a;", []),
-        ("TRISA &= 0xEF; ‸RA4 = 1;", [DRAIN]),
-        ("TRISA &= 0x10; RA4 = 1;", []),
-        ("TRISA = a; ‸RA4 = 1; RA4 = 1;", [DRAIN]),
-        ("TRISA = 0; RA4 = 0;", []),
-        ("TRISA = 0; RA3 = 1;", []),
+        ("PORTB += 5;", []), ("PORTB &= 5;", []), ("q = &a; PORTB = 5;", []), ('PORTB = 5; asm("nop");', []),
+        ("TRISA4 = 0; ‸RA4 = 1;", [DRAIN]), ("TRISA = 0xEF; ‸RA4 = 1;", [DRAIN]),
+        ("TRISA = 0; ‸PORTA = 0x10;", [DRAIN]), ("TRISA = 0; ‸PORTA = 0x1F;", [DRAIN]),
+        ("TRISA = 0; PORTA = 0x20;", []), ("TRISA = 0; PORTA = 0x3F;", []), ("TRISA = 0; PORTA = 0x0F;", []),
+        ("TRISA = 0; ‸PORTA |= 0x30;", [DRAIN]), ("TRISA = 0; PORTA |= 0x0F;", []),
+        ("TRISA = 0; PORTA &= 0x1F;", []), ("TRISA = 0; PORTA = a;", []),
+        ("TRISA &= 0xEF; ‸RA4 = 1;", [DRAIN]), ("TRISA &= 0x10; RA4 = 1;", []),
+        ("TRISA = a; ‸RA4 = 1; RA4 = 1;", [DRAIN]), ("TRISA = 0; RA4 = 0;", []), ("TRISA = 0; RA3 = 1;", []),
     ],
-)
+)  # fmt: skip
 def test_the_directions_of_the_pins(text: str, said: list[str]) -> None:
     program(text, said)
 
@@ -98,29 +74,18 @@ def uncleared(flag: str) -> str:
     [
         ("", "‸GIE = 1;", [NO_HANDLER]),
         ("", "‸INTCON = 0x80; GIE = 1;", [NO_HANDLER]),
-        ("", "‸INTCON |= 0xC0;", [NO_HANDLER]),
-        ("", "INTCON = 0x7F; GIE = 0;", []),
-        ("", "INTCON |= a;", []),
-        ("", "INTCON = a;", []),
-        ("", "‸ei();", [NO_HANDLER]),
-        ("", 'GIE = 1; asm("nop");', []),
-        ("T0IF = 0;", "", [NEVER]),
-        ("T0IF = 0;", "GIE = 0;", [NEVER]),
-        ("T0IF = 0;", "INTCON = a;", []),
-        ("T0IF = 0;", "INTCON |= 0x80;", []),
-        ("T0IF = 0;", "INTCON &= 0x80;", [NEVER]),
-        ("T0IF = 0; GIE = 1;", "", []),
-        ("T0IF = 0;", "GIE = a;", []),
+        ("", "‸INTCON |= 0xC0;", [NO_HANDLER]), ("", "INTCON = 0x7F; GIE = 0;", []), ("", "INTCON |= a;", []),
+        ("", "INTCON = a;", []), ("", "‸ei();", [NO_HANDLER]), ("", 'GIE = 1; asm("nop");', []),
+        ("T0IF = 0;", "", [NEVER]), ("T0IF = 0;", "GIE = 0;", [NEVER]), ("T0IF = 0;", "INTCON = a;", []),
+        ("T0IF = 0;", "INTCON |= 0x80;", []), ("T0IF = 0;", "INTCON &= 0x80;", [NEVER]),
+        ("T0IF = 0; GIE = 1;", "", []), ("T0IF = 0;", "GIE = a;", []),
         ("T0IF = 0;", "T0IE = 1; GIE = 1;", []),
         ("b = 1;", "T0IE = 1; GIE = 1;", [uncleared("T0IF")]),
         ("b = 1;", "INTE = 1; GIE = 1;", [uncleared("INTF")]),
         ("b = 1;", "RBIE = 1; GIE = 1;", [uncleared("RBIF")]),
         ("b = 1;", "EEIE = 1; GIE = 1;", [uncleared("EEIF")]),
-        (
-            "b = 1;",
-            "INTCON = 0xF8; ",
-            [uncleared("T0IF"), uncleared("INTF"), uncleared("RBIF"), uncleared("EEIF")],
-        ),
+        ("b = 1;", "INTCON = 0xF8; ", [uncleared("T0IF"), uncleared("INTF"), uncleared("RBIF"), uncleared(
+            "EEIF")]),
         ("T0IF = 0; INTF = 0; RBIF = 0; EEIF = 0;", "INTCON = 0xF8;", []),
         ("INTF = 0;", "T0IE = 1; GIE = 1;", [uncleared("T0IF")]),
         ("T0IF = 1;", "T0IE = 1; GIE = 1;", [uncleared("T0IF")]),
@@ -133,7 +98,7 @@ def uncleared(flag: str) -> str:
         ("b = 1;", "T0IF = 0; T0IE = 1; GIE = 1;", [uncleared("T0IF")]),
         ("q = &b; *q = 1;", "T0IE = 1;", []),
     ],
-)
+)  # fmt: skip
 def test_interrupts_are_enabled_and_their_flags_cleared(handler: str, text: str, said: list[str]) -> None:
     """DS35007 section 6.8: GIE is bit 7 of INTCON, EEIE 6, T0IE 5, INTE 4, RBIE 3, T0IF 2, INTF 1, RBIF 0."""
     before = f"void __interrupt() {CARET * len(said)}isr(void) {{ {handler} }}\n" if handler else ""
@@ -149,18 +114,11 @@ DOG = (
 @pytest.mark.parametrize(
     ("text", "dialect", "said"),
     [
-        ("while (1) ;", "xc8", 1),
-        ("while (1) CLRWDT();", "xc8", 0),
-        ("SLEEP();", "xc8", 0),
-        ("NOP();", "xc8", 1),
-        ("__delaywdt_us(8);", "xc8", 0),
-        ("__delay_us(8);", "xc8", 1),
-        ("clear_wdt();", "c2c", 0),
-        ("sleep();", "c2c", 0),
-        ("nop();", "c2c", 1),
-        ('asm("nop");', "xc8", 0),
+        ("while (1) ;", "xc8", 1), ("while (1) CLRWDT();", "xc8", 0), ("SLEEP();", "xc8", 0),
+        ("NOP();", "xc8", 1), ("__delaywdt_us(8);", "xc8", 0), ("__delay_us(8);", "xc8", 1),
+        ("clear_wdt();", "c2c", 0), ("sleep();", "c2c", 0), ("nop();", "c2c", 1), ('asm("nop");', "xc8", 0),
     ],
-)
+)  # fmt: skip
 def test_a_watchdog_that_nothing_clears(text: str, dialect: str, said: int) -> None:
     marked = (
         f"#pragma config WDTE = ON\n#pragma CLOCK_FREQ 4000000\nvoid {CARET * said}main(void) {{ {text} }}"
@@ -179,21 +137,15 @@ SHARED = (
 @pytest.mark.parametrize(
     ("kind", "in_isr", "in_main", "said"),
     [
-        ("int", "x++;", "a = x;", 2),
-        ("int", "x = 1;", "x = 2;", 2),
-        ("int", "b = x;", "x = 2;", 2),
-        ("int", "b = x;", "a = x;", 0),
-        ("int", "x++;", "a = 1;", 0),
-        ("int", "b = 1;", "x = 1;", 0),
-        ("long", "x++;", "a = x;", 4),
-        ("unsigned char", "x++;", "a = x;", 0),
+        ("int", "x++;", "a = x;", 2), ("int", "x = 1;", "x = 2;", 2), ("int", "b = x;", "x = 2;", 2),
+        ("int", "b = x;", "a = x;", 0), ("int", "x++;", "a = 1;", 0), ("int", "b = 1;", "x = 1;", 0),
+        ("long", "x++;", "a = x;", 4), ("unsigned char", "x++;", "a = x;", 0),
         ("int", "x++;", "GIE = 0; a = x; GIE = 1;", 0),
         ("int", "x++;", "GIE = 0; a = x; GIE = 1; a = x;", 2),
         ("int", "x++;", "di(); a = x; ei();", 0),
         ("int", "x++;", "if (a) { GIE = 0; b = x; GIE = 1; }", 0),
         ("int", "x++;", "GIE = 0; if (a) b = x; GIE = 1;", 0),
-        ("int", "x++;", "if (x) b = 1;", 2),
-        ("int", "x++;", "if (a) b = x;", 2),
+        ("int", "x++;", "if (x) b = 1;", 2), ("int", "x++;", "if (a) b = x;", 2),
         ("int", "x++;", "if (a) b = 1; else b = x;", 2),
         ("int", "x++;", "while (x) b = 1;", 2),
         ("int", "x++;", "for (a = 0; a < 3; x++) b = 1;", 2),
@@ -202,11 +154,10 @@ SHARED = (
         ("int", "x++;", "switch (a) { case 1: b = x; }", 2),
         ("int", "x++;", "switch (a) { case 1: GIE = 0; b = x; GIE = 1; }", 0),
         ("int", "x++;", "GIE = 0; GIE = 1; a = x;", 2),
-        ("int", "x++;", "RBIE = 0; a = x;", 2),
-        ("int", "x++;", "GIE = b; a = x;", 2),
+        ("int", "x++;", "RBIE = 0; a = x;", 2), ("int", "x++;", "GIE = b; a = x;", 2),
         ("static const int", "b = x;", "a = x;", 0),
     ],
-)
+)  # fmt: skip
 def test_variables_of_several_bytes_that_an_interrupt_shares(
     kind: str, in_isr: str, in_main: str, said: int
 ) -> None:
@@ -233,21 +184,14 @@ UNUSED = "c-unused-result: the result of '{}' is not used, and the call has no o
 @pytest.mark.parametrize(
     ("function", "acts"),
     [
-        ("{ return n; }", False),
-        ("{ int t = n; t += 2; return t; }", False),
-        ("{ a = 1; return n; }", True),
-        ("{ a += 1; return n; }", True),
-        ("{ n = 2; return n; }", False),
-        ("{ return v + n; }", True),
+        ("{ return n; }", False), ("{ int t = n; t += 2; return t; }", False), ("{ a = 1; return n; }", True),
+        ("{ a += 1; return n; }", True), ("{ n = 2; return n; }", False), ("{ return v + n; }", True),
         ("{ *q = 1; return n; }", True),
         ("{ static char s; s = n; return s; }", True),
-        ("{ NOP(); return n; }", True),
-        ('{ asm("nop"); return n; }', True),
-        ("{ act(); return n; }", True),
-        ("{ return quiet(n); }", False),
-        ("{ return later(n); }", True),
+        ("{ NOP(); return n; }", True), ('{ asm("nop"); return n; }', True), ("{ act(); return n; }", True),
+        ("{ return quiet(n); }", False), ("{ return later(n); }", True),
     ],
-)
+)  # fmt: skip
 def test_a_call_whose_only_effect_is_its_result(function: str, acts: bool) -> None:
     marked = (
         "unsigned char a; volatile char v; unsigned char *q; void act(void) { a = 3; }\n"
@@ -320,70 +264,39 @@ CYCLES = "error c-argument: '{}' takes 0 to 50463240 cycles, not {}"
 @pytest.mark.parametrize(
     ("marked", "dialect", "said"),
     [
-        ("_delay(0);", "xc8", ""),
-        ("_delay(50463240);", "xc8", ""),
+        ("_delay(0);", "xc8", ""), ("_delay(50463240);", "xc8", ""),
         ("_delay(‸50463241);", "xc8", CYCLES.format("_delay", 50463241)),
         ("_delay(-‸1);", "xc8", CYCLES.format("_delay", -1)),
         ("_delaywdt(-‸1);", "xc8", CYCLES.format("_delaywdt", -1)),
         ("_delay(‸2.5);", "xc8", "error c-argument: the time must be a whole number"),
-        (
-            "_delay(‸a);",
-            "xc8",
-            "error c-argument: '_delay' needs a constant argument // call it in a "
-            "loop that counts the variable",
-        ),
+        ("_delay(‸a);", "xc8", "error c-argument: '_delay' needs a constant argument // call it in a "
+            "loop that counts the variable"),
         ("__delay_us(50463240);", "xc8", ""),
-        (
-            "__delay_us(‸50463241);",
-            "xc8",
-            "error c-argument: '__delay_us' takes at most 50463240 "
-            "cycles, not 50463241 // call it several times, or in a loop",
-        ),
+        ("__delay_us(‸50463241);", "xc8", "error c-argument: '__delay_us' takes at most 50463240 "
+            "cycles, not 50463241 // call it several times, or in a loop"),
         ("__delay_ms(50463.24);", "xc8", ""),
-        (
-            "__delay_ms(‸50464);",
-            "xc8",
-            "error c-argument: '__delay_ms' takes at most 50463240 cycles, "
-            "not 50464000 // call it several times, or in a loop",
-        ),
+        ("__delay_ms(‸50464);", "xc8", "error c-argument: '__delay_ms' takes at most 50463240 cycles, "
+            "not 50464000 // call it several times, or in a loop"),
         ("__delay_us(0);", "xc8", ""),
         ("__delay_us(-‸1);", "xc8", "error c-argument: '__delay_us' cannot take a negative time"),
         ("__delay_us(-‸0.5);", "xc8", "error c-argument: '__delay_us' cannot take a negative time"),
-        (
-            "‸__delay_us(2.5);",
-            "xc8",
-            "delay-rounded: 2.5 µs is not a whole number of cycles at 4000000 Hz: 2 cycles are 2 µs",
-        ),
-        (
-            "‸__delay_us(2.9);",
-            "xc8",
-            "delay-rounded: 2.9 µs is not a whole number of cycles at 4000000 Hz: 2 cycles are 2 µs",
-        ),
-        ("__delay_ms(2.5);", "xc8", ""),
-        ("__delay_us(2.5 * 2);", "xc8", ""),
+        ("‸__delay_us(2.5);", "xc8",
+            "delay-rounded: 2.5 µs is not a whole number of cycles at 4000000 Hz: 2 cycles are 2 µs"),
+        ("‸__delay_us(2.9);", "xc8",
+            "delay-rounded: 2.9 µs is not a whole number of cycles at 4000000 Hz: 2 cycles are 2 µs"),
+        ("__delay_ms(2.5);", "xc8", ""), ("__delay_us(2.5 * 2);", "xc8", ""),
         ("__delay_us(5 / 2);", "xc8", ""),
-        (
-            "‸__delay_us(5 / 2.0);",
-            "xc8",
-            "delay-rounded: 2.5 µs is not a whole number of cycles at 4000000 Hz: 2 cycles are 2 µs",
-        ),
-        ("__delay_us(1.5 + 0.5);", "xc8", ""),
-        ("__delay_us(4.5 - 0.5);", "xc8", ""),
-        ("__delay_us(-2.5 + 4.5);", "xc8", ""),
-        ("__delay_us(+2.0);", "xc8", ""),
-        ("__delay_us(2e0f);", "xc8", ""),
-        ("delay_us(0);", "c2c", ""),
-        ("delay_us(255);", "c2c", ""),
+        ("‸__delay_us(5 / 2.0);", "xc8",
+            "delay-rounded: 2.5 µs is not a whole number of cycles at 4000000 Hz: 2 cycles are 2 µs"),
+        ("__delay_us(1.5 + 0.5);", "xc8", ""), ("__delay_us(4.5 - 0.5);", "xc8", ""),
+        ("__delay_us(-2.5 + 4.5);", "xc8", ""), ("__delay_us(+2.0);", "xc8", ""),
+        ("__delay_us(2e0f);", "xc8", ""), ("delay_us(0);", "c2c", ""), ("delay_us(255);", "c2c", ""),
         ("delay_us(‸256);", "c2c", "error c-argument: 'delay_us' takes 0 to 255, not 256"),
         ("delay_10us(-‸1);", "c2c", "error c-argument: 'delay_10us' takes 0 to 255, not -1"),
         ("delay_us(‸1.5);", "c2c", "error c-argument: the time must be a whole number"),
         ("delay_100us(a);", "c2c", ""),
-        (
-            "delay_s(‸n);",
-            "c2c",
-            "c-conversion: 'delay_s' takes 0 to 255: only the low 8 bits of this "
-            "'int' are used // call it in a loop",
-        ),
+        ("delay_s(‸n);", "c2c", "c-conversion: 'delay_s' takes 0 to 255: only the low 8 bits of this "
+            "'int' are used // call it in a loop"),
         ("set_bit(a, 7);", "c2c", ""),
         ("‸set_bit(a, 8);", "c2c", "error c-bit: 'unsigned char' has no bit 8"),
         ("set_bit(n, 15);", "c2c", ""),
@@ -398,22 +311,14 @@ CYCLES = "error c-argument: '{}' takes 0 to 50463240 cycles, not {}"
         ("eeprom_write(‸256, 1);", "xc8", "c-conversion: 256 does not fit 'unsigned char' and becomes 0"),
         ("eeprom_write(1, ‸300);", "xc8", "c-conversion: 300 does not fit 'unsigned char' and becomes 44"),
         ("‸eeprom_read(1);", "xc8", "c-unused-result: the result of this expression is not used"),
-        (
-            "‸delay_ms(1);",
-            "xc8",
-            "error c-unsupported: 'delay_ms' belongs to the C2C dialect // the "
-            "option --dialect c2c selects it",
-        ),
-        (
-            "‸__delay_ms(1);",
-            "c2c",
-            "error c-unsupported: '__delay_ms' belongs to the XC8 dialect // the "
-            "option --dialect xc8 selects it",
-        ),
+        ("‸delay_ms(1);", "xc8", "error c-unsupported: 'delay_ms' belongs to the C2C dialect // the "
+            "option --dialect c2c selects it"),
+        ("‸__delay_ms(1);", "c2c", "error c-unsupported: '__delay_ms' belongs to the XC8 dialect // the "
+            "option --dialect xc8 selects it"),
         ("‸getchar();", "c2c", "error c-argument: 'getchar' needs '#pragma RS232_RXPORT …'"),
         ("‸putchar(1);", "c2c", "error c-argument: 'putchar' needs '#pragma RS232_TXPORT …'"),
     ],
-)
+)  # fmt: skip
 def test_the_arguments_of_a_built_in_function(marked: str, dialect: str, said: str) -> None:
     program_ = f"{CLOCK}{GLOBALS}void main(void) {{ {marked} }}"
     found = [each for each in found_in(program_, dialect) if not each[0].startswith("c-interrupt")]
@@ -422,20 +327,16 @@ def test_the_arguments_of_a_built_in_function(marked: str, dialect: str, said: s
 
 ARGUMENTS = {
     # how many arguments each function takes (docs/compiler.md, "Built-in functions")
-    "c2c": {
-        0: "input_port_a input_port_b nop clear_wdt sleep reset getchar",
+    "c2c": {0: "input_port_a input_port_b nop clear_wdt sleep reset getchar",
         1: "set_tris_a set_tris_b output_port_a output_port_b set_option output_high_port_a "
         "output_high_port_b output_low_port_a output_low_port_b input_pin_port_a input_pin_port_b "
         "enable_interrupt disable_interrupt delay_us delay_10us delay_100us delay_ms delay_s putchar",
-        2: "set_bit clear_bit toggle_bit test_bit",
-    },
-    "xc8": {
-        0: "NOP __nop CLRWDT SLEEP ei di",
+        2: "set_bit clear_bit toggle_bit test_bit"},
+    "xc8": {0: "NOP __nop CLRWDT SLEEP ei di",
         1: "__delay_us __delay_ms _delay _delaywdt __delaywdt_us __delaywdt_ms EEPROM_READ",
-        2: "EEPROM_WRITE",
-    },
+        2: "EEPROM_WRITE"},
     "both": {1: "eeprom_read", 2: "eeprom_write"},
-}
+}  # fmt: skip
 
 
 def calls(names: str, arguments: int) -> list[tuple[str, str]]:
@@ -484,27 +385,18 @@ LINE = CLOCK + "#pragma RS232_TXPORT {port}\n#pragma RS232_TXPIN {pin}\n#pragma 
 @pytest.mark.parametrize(
     ("port", "pin", "baud", "said"),
     [
-        ("PORTB", "7", "9600", ""),
-        ("portb", "0", "9600", ""),
-        ("0x06", "0x7", "9600", ""),
-        ("0X4F", "0", "9600", ""),
-        ("79", "0", "9600", ""),
+        ("PORTB", "7", "9600", ""), ("portb", "0", "9600", ""), ("0x06", "0x7", "9600", ""),
+        ("0X4F", "0", "9600", ""), ("79", "0", "9600", ""),
         ("80", "0", "9600", "error c-argument: the serial pin 80.0 does not exist"),
         ("PORTB", "8", "9600", "error c-argument: the serial pin 6.8 does not exist"),
         ("PORTB", "-1", "9600", "error c-argument: '#pragma RS232_TXPIN -1': a number is needed"),
         ("PORTX", "1", "9600", "error c-argument: '#pragma RS232_TXPORT PORTX': a number is needed"),
         ("PORTB", "1", "0", "error c-argument: the baud rate must be positive, not 0"),
-        ("PORTB", "1", "1", ""),
-        ("PORTB", "1", "62500", ""),
-        ("PORTB", "1", "64516", ""),
-        (
-            "PORTB",
-            "1",
-            "64517",
-            "error c-argument: 64517 baud is too fast: a bit has only 15 cycles, 16 are needed",
-        ),
+        ("PORTB", "1", "1", ""), ("PORTB", "1", "62500", ""), ("PORTB", "1", "64516", ""),
+        ("PORTB", "1", "64517",
+            "error c-argument: 64517 baud is too fast: a bit has only 15 cycles, 16 are needed"),
     ],
-)
+)  # fmt: skip
 def test_the_serial_line(port: str, pin: str, baud: str, said: str) -> None:
     """At 4 MHz a cycle is 1 µs: 1 000 000 / 15.5 = 64516.1 baud is the last rate that rounds to 16 cycles."""
     head = LINE.format(port=port, pin=pin, baud=baud)

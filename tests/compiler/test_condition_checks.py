@@ -45,23 +45,12 @@ BEFORE = "c-precedence: '!' is evaluated before '{0}' // write !(… {0} …)"
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("a &= !‸4;", [NOT]),
-        ("a |= !‸0x04;", [NOT]),
-        ("a ^= !(‸1 << 2);", [NOT]),
-        ("a = b & !‸4;", [NOT]),
-        ("a = b | !~‸4;", [NOT]),
-        ("a = !‸‸4 & b;", [BEFORE.format("&"), NOT]),
-        ("a = (!‸4) | b;", [NOT]),
-        ("a = b & (c | !‸4);", [NOT]),
-        ("a = b & !c;", []),
-        ("a &= !c;", []),
-        ("a += !4;", []),
-        ("a = !4;", []),
-        ("a = b + !4;", []),
-        ("a &= ~4;", []),
-        ("a = b & -4;", []),
+        ("a &= !‸4;", [NOT]), ("a |= !‸0x04;", [NOT]), ("a ^= !(‸1 << 2);", [NOT]), ("a = b & !‸4;", [NOT]),
+        ("a = b | !~‸4;", [NOT]), ("a = !‸‸4 & b;", [BEFORE.format("&"), NOT]), ("a = (!‸4) | b;", [NOT]),
+        ("a = b & (c | !‸4);", [NOT]), ("a = b & !c;", []), ("a &= !c;", []), ("a += !4;", []),
+        ("a = !4;", []), ("a = b + !4;", []), ("a &= ~4;", []), ("a = b & -4;", []),
     ],
-)
+)  # fmt: skip
 def test_the_logical_not_of_a_mask(text: str, said: list[str]) -> None:
     body(text, said)
 
@@ -70,14 +59,8 @@ def test_the_logical_not_of_a_mask(text: str, said: list[str]) -> None:
 def test_a_variable_compared_with_itself(op: str) -> None:
     body(f"if (‸n {op} n) b = 1;", ["c-comparison: 'n' is compared with itself"])
     others = (
-        "n {} a",
-        "v {} v",
-        "f {} f",
-        "PORTB {} PORTB",
-        "portb {} portb",
-        "RB0 {} RB0",
-        "(n + 1) {} n",
-    )
+        "n {} a", "v {} v", "f {} f", "PORTB {} PORTB", "portb {} portb", "RB0 {} RB0", "(n + 1) {} n",
+    )  # fmt: skip
     body(" ".join(f"if ({other.format(op)}) b = 1;" for other in others), [])
 
 
@@ -98,34 +81,16 @@ def always(which: str) -> str:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("‸a != 1 || a != 2", "true"),
-        ("‸1 != a || 2 != a", "true"),
-        ("‸a >= 3 || a <= 3", "true"),
-        ("‸a > 1 || a < 2", "true"),
-        ("‸n > -3 || n < -2", "true"),
-        ("‸2 > a || a > 1", "true"),
-        ("‸a < 3 && a > 7", "false"),
-        ("‸3 > a && 7 < a", "false"),
-        ("‸a < 2 && a > 1", "false"),
-        ("‸a == 1 && a == 2", "false"),
-        ("‸a <= 4 && a >= 5", "false"),
-        ("a > 1 || a < 1", ""),
-        ("a <= 4 && a >= 4", ""),
-        ("a < 3 || a > 7", ""),
-        ("a == 1 || a == 2", ""),
-        ("a != 1 && a != 2", ""),
-        ("a > 4 && a > 4", ""),
-        ("a < 4 && a < 4", ""),
-        ("a == 4 && a == 4", ""),
-        ("a >= 5 || a >= 5", ""),
-        ("a <= 5 || a <= 5", ""),
-        ("a != 5 || a != 5", ""),
-        ("a != 1 || b != 2", ""),
-        ("a != 1 || (a + 1) != 2", ""),
-        ("a != b || a != 2", ""),
-        ("a != 1 || a", ""),
+        ("‸a != 1 || a != 2", "true"), ("‸1 != a || 2 != a", "true"), ("‸a >= 3 || a <= 3", "true"),
+        ("‸a > 1 || a < 2", "true"), ("‸n > -3 || n < -2", "true"), ("‸2 > a || a > 1", "true"),
+        ("‸a < 3 && a > 7", "false"), ("‸3 > a && 7 < a", "false"), ("‸a < 2 && a > 1", "false"),
+        ("‸a == 1 && a == 2", "false"), ("‸a <= 4 && a >= 5", "false"), ("a > 1 || a < 1", ""),
+        ("a <= 4 && a >= 4", ""), ("a < 3 || a > 7", ""), ("a == 1 || a == 2", ""), ("a != 1 && a != 2", ""),
+        ("a > 4 && a > 4", ""), ("a < 4 && a < 4", ""), ("a == 4 && a == 4", ""), ("a >= 5 || a >= 5", ""),
+        ("a <= 5 || a <= 5", ""), ("a != 5 || a != 5", ""), ("a != 1 || b != 2", ""),
+        ("a != 1 || (a + 1) != 2", ""), ("a != b || a != 2", ""), ("a != 1 || a", ""),
     ],
-)
+)  # fmt: skip
 def test_two_comparisons_that_decide_each_other(text: str, said: str) -> None:
     body(f"if ({text}) b = 1;", [always(said)] if said else [])
 
@@ -144,26 +109,21 @@ def never(names: str) -> str:
         ("for (i = 0; ‸i < 8; j++) a = -i;", "'i'"),
         ("for (i = 0; ‸i + 1 < 8; j++) t[j] = i;", "'i'"),
         ("for (i = 0; ‸i < m; j++) t[j] = m;", "'i' and 'm'"),
-        ("for (i = 0; i < 8; i++) t[j] = i;", ""),
-        ("for (i = 0; i < 8; i += 2) t[j] = i;", ""),
+        ("for (i = 0; i < 8; i++) t[j] = i;", ""), ("for (i = 0; i < 8; i += 2) t[j] = i;", ""),
         ("for (i = 8; i > 0; --i) t[j] = i;", ""),
         ("for (i = 0; i < 8; j++) { t[j] = 1; i++; }", ""),
         ("for (i = 0; i < 8; j++) { i = t[j]; }", ""),
-        ("for (i = 0; i < 8; j++) { i--; }", ""),
-        ("for (i = 0; i < 8; j++) { ++i; }", ""),
+        ("for (i = 0; i < 8; j++) { i--; }", ""), ("for (i = 0; i < 8; j++) { ++i; }", ""),
         ("for (i = 0; i < 8; j++) { set(&i); }", ""),
         ("for (i = 0; i < 8; j++) { if (a) break; }", ""),
         ("for (i = 0; i < 8; j++) { if (a) return; }", ""),
         ("for (i = 0; i < 8; j++) { if (a) goto out; } out: ;", ""),
-        ("for (i = 0; i < 8; ) t[j] = i;", ""),
-        ("for (i = 0; i < a; j++) t[j] = i;", ""),
-        ("for (i = 0; a < 8; j++) t[j] = i;", ""),
-        ("for (i = 0; !i; j++) t[j] = i;", ""),
+        ("for (i = 0; i < 8; ) t[j] = i;", ""), ("for (i = 0; i < a; j++) t[j] = i;", ""),
+        ("for (i = 0; a < 8; j++) t[j] = i;", ""), ("for (i = 0; !i; j++) t[j] = i;", ""),
         ("for (i = 0; i < get(); j++) t[j] = i;", ""),
-        ("for (i = 0; w < 8; j++) t[j] = i;", ""),
-        ("for (; 1 < 0; j++) t[j] = i;", ""),
+        ("for (i = 0; w < 8; j++) t[j] = i;", ""), ("for (; 1 < 0; j++) t[j] = i;", ""),
     ],
-)
+)  # fmt: skip
 def test_a_loop_that_does_not_change_what_it_tests(loop: str, said: str) -> None:
     marked = (
         f"{GLOBALS}char t[9]; char get(void) {{ return v; }} void set(char *p) {{ *p = 1; }}\n"

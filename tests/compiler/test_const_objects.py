@@ -50,27 +50,18 @@ void numbers(const unsigned int *p) { PORTB = p[0] >> 8; PORTB = p[1]; }
 unsigned char odd(const Menu *p) { return p->text[i] + p->n[i]; }
 """
 READS = {
-    "put(menu[1].text);": b"def",
-    "put(menu[i].text);": b"def",
-    "put(&menu[i].text[1]);": b"ef",
-    "put(menu[i].text + i);": b"ef",
-    "m = &menu[2]; put(m->text);": b"ghi",
-    "m = menu; m++; put(m->text);": b"def",
-    "t = menu[i].text; put(t);": b"def",
-    "put((menu + i)->text);": b"def",
-    "put((*m).text);": b"def",
+    "put(menu[1].text);": b"def", "put(menu[i].text);": b"def", "put(&menu[i].text[1]);": b"ef",
+    "put(menu[i].text + i);": b"ef", "m = &menu[2]; put(m->text);": b"ghi",
+    "m = menu; m++; put(m->text);": b"def", "t = menu[i].text; put(t);": b"def",
+    "put((menu + i)->text);": b"def", "put((*m).text);": b"def",
     "put(i ? menu[0].text : menu[1].text);": b"abc",
-    "put(deep.in.name);": b"xyz",
-    "put(names[i]);": b"stu",
-    "put(ram);": b"jkl",
-    "PORTB = menu[i].text[2];": b"f",
-    "PORTB = *menu[i].text;": b"d",
-    "PORTB = m->text[i];": b"e",
+    "put(deep.in.name);": b"xyz", "put(names[i]);": b"stu", "put(ram);": b"jkl",
+    "PORTB = menu[i].text[2];": b"f", "PORTB = *menu[i].text;": b"d", "PORTB = m->text[i];": b"e",
     "numbers(menu[i].n);": bytes((300 >> 8, 400 & 0xFF)),
     "numbers(m->n);": bytes((300 >> 8, 400 & 0xFF)),
     "PORTB = odd(m);": bytes((ord("e") + 400 & 0xFF,)),
     "PORTB = sizeof(menu[i].text);": bytes((4,)),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("where", EVERYWHERE, ids="-".join)
@@ -96,23 +87,14 @@ def test_a_pointer_that_reads_both_memories_starts_at_a_moved_address(where: tup
 
 
 FIELDS = {
-    "PORTB = pad[i].x;": 1,
-    "PORTB = pad[i].d;": 2,
-    "PORTB = pad[0].x;": 0,
-    "PORTB = pad[0].d;": 3,
+    "PORTB = pad[i].x;": 1, "PORTB = pad[i].d;": 2, "PORTB = pad[0].x;": 0, "PORTB = pad[0].d;": 3,
     "if (pad[i].x) PORTB = 1; else PORTB = 0;": 1,
     "if (!pad[i].x) PORTB = 1; else PORTB = 0;": 0,
     "if (pad[!i].x) PORTB = 1; else PORTB = 0;": 0,
-    "if (one.x) PORTB = 1; else PORTB = 0;": 1,
-    "PORTB = one.d + one.x;": 3,
-    "PORTB = sign[i].low;": 0xFE,
-    "PORTB = sign[1].low;": 0xFE,
-    "PORTB = sign[1].high;": 0xFF,
-    "PORTB = sign[i].high;": 0xFF,
-    "PORTB = (&pad[i])->x;": 1,
-    "PORTBbits.RB0 = pad[!i].x;": 0,
-    "PORTB = i && pad[i].x;": 1,
-}
+    "if (one.x) PORTB = 1; else PORTB = 0;": 1, "PORTB = one.d + one.x;": 3, "PORTB = sign[i].low;": 0xFE,
+    "PORTB = sign[1].low;": 0xFE, "PORTB = sign[1].high;": 0xFF, "PORTB = sign[i].high;": 0xFF,
+    "PORTB = (&pad[i])->x;": 1, "PORTBbits.RB0 = pad[!i].x;": 0, "PORTB = i && pad[i].x;": 1,
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("where", EVERYWHERE, ids="-".join)

@@ -88,89 +88,61 @@ NOT_A_VARIABLE = "error c-type: only a variable can be in the EEPROM, not a memb
 ERRORS = [
     ("struct { unsigned a : 16; } x;", []),
     ("struct { unsigned ‸a : 17; } x;", [width(16)]),
-    ("struct { long ‸a : 17; } x;", [width(16)]),
-    ("struct { char a : 8; } x;", []),
-    ("struct { char ‸a : 9; } x;", [width(8)]),
-    ("struct { int ‸a : -1; } x;", [width(16)]),
-    ("struct { float ‸a : 3; } x;", [width(16)]),
-    ("struct { bit ‸a : 9; } x;", [width(8)]),
+    ("struct { long ‸a : 17; } x;", [width(16)]), ("struct { char a : 8; } x;", []),
+    ("struct { char ‸a : 9; } x;", [width(8)]), ("struct { int ‸a : -1; } x;", [width(16)]),
+    ("struct { float ‸a : 3; } x;", [width(16)]), ("struct { bit ‸a : 9; } x;", [width(8)]),
     ("struct ‸s { } x, y[2]; struct { struct s x; } z;", ["error c-type: a structure needs a member"]),
     ("union ‸{ int : 0; } x;", ["error c-type: a union needs a member"]),
     ("int ‸x[0];", ["error c-type: an array needs at least one element, not 0"]),
     ("int ‸x[-1];", ["error c-type: an array needs at least one element, not -1"]),
-    ("int x[1];", []),
-    ("typedef char x[1024];", []),
+    ("int x[1];", []), ("typedef char x[1024];", []),
     ("typedef char ‸x[1025];", ["error program-too-large: an array of 1025 bytes is larger than the "
         "chip's memory"]),
     ("typedef struct { char a[1024]; } x;", []),
-    (
-        "typedef struct { char ‸a[1024]; char b; } x;",
-        ["error program-too-large: a structure of 1025 bytes is larger than the chip's memory"],
-    ),
+    ("typedef struct { char ‸a[1024]; char b; } x;", [
+        "error program-too-large: a structure of 1025 bytes is larger than the chip's memory"]),
     ("long double x; double long y; double z; ", []),
-    *[
-        (f"‸{kind} x;", ["error c-unsupported: 64-bit integers are not supported // "
-            "the widest type is 32 bits"])
-        for kind in ("long long", "unsigned long long", "long long int", "int64_t", "uint_least64_t")
-    ],
-    ("enum { A = 65535 } x;", []),
-    ("enum { A = -32768, B = 32767 } x;", []),
-    (
-        "enum { A, ‸B = 65536 } x;",
-        ["error c-number: the enumeration constant 'B' is 65536 // an enumeration holds 0 to 65535 or "
-            "-32768 to 32767"],
-    ),
-    (
-        "enum { A = 65535, ‸B } x;",
-        ["error c-number: the enumeration constant 'B' is 65536 // an enumeration holds 0 to 65535 or "
-            "-32768 to 32767"],
-    ),
-    (
-        "enum { ‸A = -32769 } x;",
-        ["error c-number: the enumeration constant 'A' is -32769 // an enumeration holds 0 to 65535 or "
-            "-32768 to 32767"],
-    ),
-    (
-        "enum { A = -1, ‸B = 32768 } x;",
-        ["error c-number: the enumeration constant 'B' is 32768 // an enumeration holds 0 to 65535 or "
-            "-32768 to 32767"],
-    ),
+    *[(f"‸{kind} x;", ["error c-unsupported: 64-bit integers are not supported // "
+        "the widest type is 32 bits"]) for kind in ("long long", "unsigned long long", "long long int",
+        "int64_t", "uint_least64_t")],
+    ("enum { A = 65535 } x;", []), ("enum { A = -32768, B = 32767 } x;", []),
+    ("enum { A, ‸B = 65536 } x;", [
+        "error c-number: the enumeration constant 'B' is 65536 // an enumeration holds 0 to 65535 or "
+        "-32768 to 32767"]),
+    ("enum { A = 65535, ‸B } x;", [
+        "error c-number: the enumeration constant 'B' is 65536 // an enumeration holds 0 to 65535 or "
+        "-32768 to 32767"]),
+    ("enum { ‸A = -32769 } x;", [
+        "error c-number: the enumeration constant 'A' is -32769 // an enumeration holds 0 to 65535 or "
+        "-32768 to 32767"]),
+    ("enum { A = -1, ‸B = 32768 } x;", [
+        "error c-number: the enumeration constant 'B' is 32768 // an enumeration holds 0 to 65535 or "
+        "-32768 to 32767"]),
     ("enum { A, ‸A } x;", ["error c-redeclared: 'A' is already declared"]),
     ("typedef int t; typedef int t; t x;", []),
     ("typedef int t; typedef char ‸t; ", ["error c-redeclared: 't' is already declared"]),
     ("int a; void ‸a(void);", ["error c-redeclared: 'a' is already declared // at main.c:1:5"]),
     ("static int a; void ‸a(void);", ["error c-redeclared: 'a' is already declared // at main.c:1:12"]),
     ("static int f(int); int a; void g(void) { a = f(1); } static int f(int x) { return x; }", []),
-    (
-        "static int f(int); static int ‸f(char x) { return x; }",
-        ["error c-redeclared: 'f' was declared as 'int(int)' before, now as 'int(unsigned char)' // the "
-            "other declaration is at main.c:1:12"],
-    ),
+    ("static int f(int); static int ‸f(char x) { return x; }", [
+        "error c-redeclared: 'f' was declared as 'int(int)' before, now as 'int(unsigned char)' // the "
+        "other declaration is at main.c:1:12"]),
     ("void a(void); int ‸a;", ["error c-redeclared: 'a' is already declared // at main.c:1:6"]),
     ("int a; char ‸a;", ["error c-redeclared: 'a' is already declared // at main.c:1:5"]),
     ("int a; extern int a; int a;", []),
     ("extern int a[]; int a[3]; void f(void) { a[2] = sizeof a; }", []),
-    (
-        "extern char a; const char ‸a = 1;",
-        ["error c-redeclared: 'a' is const in one declaration only // the other is at main.c:1:13"],
-    ),
-    (
-        "char a @ 0x20; extern char ‸a @ 0x21;",
-        ["error c-redeclared: 'a' has two addresses: 0x20 and 0x21 // the other declaration is at "
-            "main.c:1:6"],
-    ),
-    (
-        "int f(int); char ‸f(int);",
-        ["error c-redeclared: 'f' was declared as 'int(int)' before, now as 'unsigned char(int)' // the "
-            "other declaration is at main.c:1:5"],
-    ),
+    ("extern char a; const char ‸a = 1;", [
+        "error c-redeclared: 'a' is const in one declaration only // the other is at main.c:1:13"]),
+    ("char a @ 0x20; extern char ‸a @ 0x21;", [
+        "error c-redeclared: 'a' has two addresses: 0x20 and 0x21 // the other declaration is at "
+        "main.c:1:6"]),
+    ("int f(int); char ‸f(int);", [
+        "error c-redeclared: 'f' was declared as 'int(int)' before, now as 'unsigned char(int)' // the "
+        "other declaration is at main.c:1:5"]),
     ("int f(); int f(int x); int f(int y);", []),
-    (
-        "int f(int x) { return x; } int ‸f(int x) { return x; }",
-        ["error c-redeclared: the function 'f' is defined twice // first at main.c:1:5"],
-    ),
-    ("char x @ 0x0C;", []),
-    ("char x @ 0x4F;", []),
+    ("int f(int x) { return x; } int ‸f(int x) { return x; }", [
+        "error c-redeclared: the function 'f' is defined twice // first at main.c:1:5"]),
+    ("char x @ 0x0C;", []), ("char x @ 0x4F;", []),
     ("char ‸x @ 0x50;", ["error c-address: there is no memory at 0x50 for 1 byte // RAM is 0x0C to 0x4F"]),
     ("int ‸x @ 0x4F;", ["error c-address: there is no memory at 0x4F for 2 bytes // RAM is 0x0C to 0x4F"]),
     ("char ‸x[3] @ 0x4E;", ["error c-address: there is no memory at 0x4E for 3 bytes // RAM is 0x0C to "
@@ -201,13 +173,11 @@ ERRORS = [
     ("void (*‸p)(void) __naked; void f(void) { }", ["error c-address: only a function can be naked"]),
     ("struct { persistent char ‸x; } y; char x;", ["error c-address: only a variable can be persistent"]),
     ("persistent void ‸f(void); char x;", ["error c-address: only a variable can be persistent"]),
-    ("persistent char ‸x = 1;", [KEPT]),
-    ("persistent const char ‸x;", [KEPT]),
+    ("persistent char ‸x = 1;", [KEPT]), ("persistent const char ‸x;", [KEPT]),
     ("struct { char ‸m @ 0x20; } x;", [UNPLACED]),
     ("typedef char ‸t @ 0x20;", [UNPLACED]),
     ("__eeprom char ‸x @ 0x20;", ["error c-address: 'x' in the EEPROM cannot have a fixed address"]),
-    ("__eeprom char ‸*x;", [INTO_EEPROM]),
-    ("char __eeprom ‸**x;", [INTO_EEPROM]),
+    ("__eeprom char ‸*x;", [INTO_EEPROM]), ("char __eeprom ‸**x;", [INTO_EEPROM]),
     ("__eeprom char x, (‸*y)[2];", [INTO_EEPROM]),
     ("void f(void) { char x = sizeof(__eeprom char ‸*); }", [INTO_EEPROM]),
     ("char * __eeprom x, y; char * __eeprom z[2];", []),
@@ -217,10 +187,8 @@ ERRORS = [
     ("typedef __eeprom char ‸t;", [NOT_A_VARIABLE]),
     ("void f(void) { char x = (__eeprom ‸char)1; }", [NOT_A_VARIABLE]),
     ("extern __eeprom char x; __eeprom char x = 1;", []),
-    (
-        "extern char x; __eeprom char ‸x;",
-        ["error c-redeclared: 'x' is __eeprom in one declaration only // the other is at main.c:1:13"],
-    ),
+    ("extern char x; __eeprom char ‸x;", [
+        "error c-redeclared: 'x' is __eeprom in one declaration only // the other is at main.c:1:13"]),
     ("char flags; bit x @ &flags*8+7;", []),
     ("char flags; bit ‸x @ &flags*8+8;", ["error c-bit: 'unsigned char' has no bit 8"]),
     ("int flags; bit x @ &flags*8+15;", []),
@@ -232,10 +200,8 @@ ERRORS = [
     ("const char ‸x;", ["c-initialiser: the constant 'x' has no value; it is 0"]),
     ("extern const char x;", []),
     ("void f(void) { char x[68]; x[0] = 1; }", []),
-    (
-        "void f(void) { char ‸x[69]; (void)x; }",
-        ["error program-too-large: 'x' needs 69 bytes of RAM, the chip has 68"],
-    ),
+    ("void f(void) { char ‸x[69]; (void)x; }", [
+        "error program-too-large: 'x' needs 69 bytes of RAM, the chip has 68"]),
     ("char x[3] = ‸\"abcd\";", ["error c-initialiser: the string of 4 characters does not fit an array "
         "of 3"]),
     ("char x[3] = \"abc\";", []),
@@ -244,8 +210,7 @@ ERRORS = [
         "with 0"]),
     ("struct { char a, b, c; } x = {0};", []),
     ("struct { char a, b, c; } x = {.a = 1};", []),
-    ("struct { char a, b; } x = {1, 2};", []),
-    ("int x[3] = {1};", []),
+    ("struct { char a, b; } x = {1, 2};", []), ("int x[3] = {1};", []),
     ("int x[3] = {1, [0] = ‸2};", ["c-initialiser: this element already has a value"]),
     ("int x[3] = {[1] = 1, 2, [0] = 3};", []),
     ("int x[3] = {[2] = 1, ‸2};", ["error c-initialiser: too many initialisers for 'int[3]'"]),
@@ -258,25 +223,24 @@ ERRORS = [
     ("int y; int x = ‸y + 1;", ["error c-not-constant: the initialiser must be a constant"]),
     ("int y[3]; int *x = y + 1;", []),
     ("char a; __eeprom char ‸x = (char)&a;", ["error c-not-constant: the initialiser must be a constant"]),
-    ("char a; __eeprom int ‸x[2] = {1, (int)&a};",
-        ["error c-not-constant: the initialiser must be a constant"]),
-    ("char a; ‸__EEPROM_DATA(1, 2, 3, 4, 5, 6, 7, (char)&a);",
-        ["error c-not-constant: the initialiser must be a constant"]),
-    ("char a; const int ‸x @ 0x2007 = (int)&a;",
-        ["error c-not-constant: the initialiser must be a constant"]),
+    ("char a; __eeprom int ‸x[2] = {1, (int)&a};", [
+        "error c-not-constant: the initialiser must be a constant"]),
+    ("char a; ‸__EEPROM_DATA(1, 2, 3, 4, 5, 6, 7, (char)&a);", [
+        "error c-not-constant: the initialiser must be a constant"]),
+    ("char a; const int ‸x @ 0x2007 = (int)&a;", [
+        "error c-not-constant: the initialiser must be a constant"]),
     # the type of a function by a name for it (ISO C 6.7.8); a definition needs its parameters (6.9.1)
     ("typedef int fn(int x); fn f, g; int f(int y) { return y + f(y); }", []),
-    ("typedef int fn(int x); fn f; char ‸f(int x) { return x; }",
-        ["error c-redeclared: 'f' was declared as 'int(int)' before, now as 'unsigned char(int)' // the "
-            "other declaration is at main.c:1:27"]),
-    ("typedef int fn(int x); fn ‸f { return 1; }",
-        ["error c-syntax: 'f' is not a function but has a body"]),
-    ("typedef void fn(void); fn f; void g(void) { f(); ‸f(1); }",
-        ["error c-argument: 'f' takes 0 arguments, 1 is given // it is declared at main.c:1:27"]),
+    ("typedef int fn(int x); fn f; char ‸f(int x) { return x; }", [
+        "error c-redeclared: 'f' was declared as 'int(int)' before, now as 'unsigned char(int)' // the "
+        "other declaration is at main.c:1:27"]),
+    ("typedef int fn(int x); fn ‸f { return 1; }", ["error c-syntax: 'f' is not a function but has a body"]),
+    ("typedef void fn(void); fn f; void g(void) { f(); ‸f(1); }", [
+        "error c-argument: 'f' takes 0 arguments, 1 is given // it is declared at main.c:1:27"]),
     ("struct { char a; ‸int; } x;", ["error c-syntax: this member has no name"]),
     ("typedef int T; struct s { ‸T; };", ["error c-syntax: this member has no name"]),
-    ("int y; struct { unsigned a : 3; } x = {‸(unsigned)&y};",
-        ["error c-not-constant: the initialiser must be a constant"]),
+    ("int y; struct { unsigned a : 3; } x = {‸(unsigned)&y};", [
+        "error c-not-constant: the initialiser must be a constant"]),
 ]  # fmt: skip
 
 
@@ -290,17 +254,13 @@ def test_what_a_declaration_may_be(text: str, said: list[str]) -> None:
 @pytest.mark.parametrize(
     ("enumerators", "kind", "values"),
     [
-        ("A, B, C", "u8", [0, 1, 2]),
-        ("A = 255", "u8", [255]),
-        ("A = 256", "s16", [256]),
-        ("A = 255, B", "s16", [255, 256]),
-        ("A = -1, B", "s16", [-1, 0]),
-        ("A = 32767", "s16", [32767]),
+        ("A, B, C", "u8", [0, 1, 2]), ("A = 255", "u8", [255]), ("A = 256", "s16", [256]),
+        ("A = 255, B", "s16", [255, 256]), ("A = -1, B", "s16", [-1, 0]), ("A = 32767", "s16", [32767]),
         ("A = 32768", "u16", [32768]),
         ("A = 65535, B = 1, C", "u16", [65535, 1, 2]),
         ("A = 5, B = A + 2, C = B * B", "u8", [5, 7, 49]),
     ],
-)
+)  # fmt: skip
 def test_the_type_of_an_enumeration_and_its_constants(enumerators: str, kind: str, values: list[int]) -> None:
     names = [each.split("=")[0].strip() for each in enumerators.split(",")]
     text = f"enum e {{ {enumerators} }} x; const long y[] = {{ {', '.join(names)} }};"
@@ -317,13 +277,10 @@ def contents(variable: Symbol) -> bytes:
 
 # declaration, struct's format for its bytes, the values
 BYTES: list[tuple[str, str, tuple[float, ...]]] = [
-    ("int x = 300;", "<h", (300,)),
-    ("int x = -2;", "<h", (-2,)),
+    ("int x = 300;", "<h", (300,)), ("int x = -2;", "<h", (-2,)),
     ("long x = 0x12345678;", "<l", (0x12345678,)),
-    ("unsigned char x = 'A';", "<B", (65,)),
-    ("int x = {7};", "<h", (7,)),
-    ("int x[3] = {1, 2};", "<3h", (1, 2, 0)),
-    ("int x[] = {1, 2, 3};", "<3h", (1, 2, 3)),
+    ("unsigned char x = 'A';", "<B", (65,)), ("int x = {7};", "<h", (7,)),
+    ("int x[3] = {1, 2};", "<3h", (1, 2, 0)), ("int x[] = {1, 2, 3};", "<3h", (1, 2, 3)),
     ("int x[] = {[2] = 5, 6};", "<4h", (0, 0, 5, 6)),
     ("int x[] = {1, [4] = 5, [1] = 2};", "<5h", (1, 2, 0, 0, 5)),
     ("int x[3] = {[1] = 5};", "<3h", (0, 5, 0)),
@@ -333,10 +290,8 @@ BYTES: list[tuple[str, str, tuple[float, ...]]] = [
     ("int x[][2] = {1, 2, 3, 4};", "<4h", (1, 2, 3, 4)),
     ("int x[][2] = {{1}, {2}, {3}};", "<6h", (1, 0, 2, 0, 3, 0)),
     ("int x[2][2] = {[1] = {5}};", "<4h", (0, 0, 5, 0)),
-    ("char x[] = \"ab\";", "<3s", (b"ab",)),
-    ("char x[] = {\"ab\"};", "<3s", (b"ab",)),
-    ("char x[5] = \"ab\";", "<5s", (b"ab",)),
-    ("char x[2] = \"ab\";", "<2s", (b"ab",)),
+    ("char x[] = \"ab\";", "<3s", (b"ab",)), ("char x[] = {\"ab\"};", "<3s", (b"ab",)),
+    ("char x[5] = \"ab\";", "<5s", (b"ab",)), ("char x[2] = \"ab\";", "<2s", (b"ab",)),
     ("char x[][3] = {\"ab\", \"c\"};", "<3s3s", (b"ab", b"c")),
     ("char x[] = \"a\\x41\\101\\n\" \"z\";", "<6s", (b"aAA\nz",)),
     ("char x[] = \"\\n\\t\\r\\a\\b\\f\\v\\\\\\'\\\"\\?\\0\";", "<13s", (b"\n\t\r\a\b\f\v\\'\"?",)),
@@ -349,10 +304,10 @@ BYTES: list[tuple[str, str, tuple[float, ...]]] = [
     ("struct { char a; int b; } x[] = {1, 2, {3, 4}, 5};", "<bhbhbh", (1, 2, 3, 4, 5, 0)),
     ("struct { char a; int b[2]; } x[] = {1, 2, 3, 4};", "<bhhbhh", (1, 2, 3, 4, 0, 0)),
     ("union { char a; int b; } x[] = {1, 2, 3};", "<bxbxbx", (1, 2, 3)),
-    ("struct { char n[3]; int v; } x[] = {\"ab\", 258, \"c\", 3, {\"de\", 4}};", "<3sh3sh3sh",
-     (b"ab", 258, b"c", 3, b"de", 4)),
-    ("struct { char n[2][3]; char v; } x[] = {\"ab\", \"c\", 1, \"d\"};", "<3s3sb3s3sb",
-     (b"ab", b"c", 1, b"d", b"", 0)),
+    ("struct { char n[3]; int v; } x[] = {\"ab\", 258, \"c\", 3, {\"de\", 4}};", "<3sh3sh3sh", (b"ab", 258,
+        b"c", 3, b"de", 4)),
+    ("struct { char n[2][3]; char v; } x[] = {\"ab\", \"c\", 1, \"d\"};", "<3s3sb3s3sb", (b"ab", b"c", 1,
+        b"d", b"", 0)),
     ("int x[][2][2] = {1, 2, 3, 4, 5};", "<8h", (1, 2, 3, 4, 5, 0, 0, 0)),
     ("int x[][2] = {[1] = {5}, 6};", "<6h", (0, 0, 5, 0, 6, 0)),
     ("struct { char a; struct { int b[2]; } c; } x = {1, {{2, 3}}};", "<bhh", (1, 2, 3)),
@@ -367,13 +322,11 @@ BYTES: list[tuple[str, str, tuple[float, ...]]] = [
     ("struct { signed a : 3, b : 3; } x = {-1, -2};", "<B", (7 | 6 << 3,)),
     ("struct { unsigned a : 9, b : 7; } x = {0x155, 0x55};", "<H", (0x155 | 0x55 << 9,)),
     ("struct { signed a : 12; unsigned b : 3; } x = {-5, 5};", "<H", (-5 & 0xFFF | 5 << 12,)),
-    ("long x = 3 * 5 - 1;", "<l", (14,)),
-    ("int x = (char)300;", "<h", (44,)),
+    ("long x = 3 * 5 - 1;", "<l", (14,)), ("int x = (char)300;", "<h", (44,)),
     ("int x = sizeof(long);", "<h", (4,)),
     ("float x = 1.5;", "<3s", (struct.pack("<f", 1.5)[1:],)),
     ("float x[2] = {2, -0.25};", "<3s3s", (struct.pack("<f", 2)[1:], struct.pack("<f", -0.25)[1:])),
-    ("char *x = (char *)0x20;", "<B", (0x20,)),
-    ("const char *x = 0;", "<H", (0,)),
+    ("char *x = (char *)0x20;", "<B", (0x20,)), ("const char *x = 0;", "<H", (0,)),
     ("const int n = 5; int x = n + 1;", "<h", (6,)),
 ]  # fmt: skip
 
@@ -414,21 +367,17 @@ def test_addresses_in_an_initialiser() -> None:
 
 
 LOCALS = [
-    ("int x = a;", ["(x = (s16)a)"]),
-    ("int x = {a};", ["(x = (s16)a)"]),
+    ("int x = a;", ["(x = (s16)a)"]), ("int x = {a};", ["(x = (s16)a)"]),
     ("char x[3] = {1, a};", ["(x = 1:u8)", "(x+1 = a)", "(x+2 = 0:u8)"]),
     ("char x[3] = \"hi\";", ["(x = 104:u8)", "(x+1 = 105:u8)", "(x+2 = 0:u8)"]),
     ("int x[2] = {[1] = a};", ["(x = 0:s16)", "(x+2 = (s16)a)"]),
     ("struct { char c; int n; } x = {a, 5};", ["(x = a)", "(x+1 = 5:s16)"]),
     ("struct { char c; int n; } x = {.n = 5};", ["(x = 0:u8)", "(x+1 = 5:s16)"]),
-    (
-        "struct { unsigned u : 3, v : 2; char c; } x = {a, 1, 2};",
-        ["(x = 0:u8)", "(x+1 = 2:u8)", "(x.0/3 = a)", "(x.3/2 = 1:u8)"],
-    ),
+    ("struct { unsigned u : 3, v : 2; char c; } x = {a, 1, 2};", ["(x = 0:u8)", "(x+1 = 2:u8)",
+        "(x.0/3 = a)", "(x.3/2 = 1:u8)"]),
     ("union { char c; int n; } x = {a};", ["(x = a)", "(x+1 = 0:u8)"]),
     ("union { char c; int n; } x = {.n = a};", ["(x = (s16)a)"]),
-    ("struct s x = o;", ["(x = o)"]),
-    ("const char x = a;", ["(x = a)"]),
+    ("struct s x = o;", ["(x = o)"]), ("const char x = a;", ["(x = a)"]),
     ("const char x = 5; a = x;", ["(a = 5:u8)"]),
     ("static int x = 5; a = x;", ["(a = (u8)x)"]),
     ("float x = a;", ["(x = float_from_integer((u16)a):f)"]),
@@ -452,15 +401,11 @@ def test_variables_lie_where_their_declarations_say() -> None:
     program = analysed(text + END).program
     where = {each.name: (each.kind, each.address, each.volatile, each.bank1) for each in program.symbols}
     assert where == {
-        "a": ("global", None, False, False),
-        "b": ("flash", None, False, False),
-        "c": ("fixed", 0x30, False, False),
-        "d": ("global", None, True, False),
-        "e": ("fixed", 0x06, True, False),
-        "f": ("fixed", 0x85, True, True),
-        "g": ("fixed", 0x8C, True, False),
-        "j": ("global", None, True, False),
-    }
+        "a": ("global", None, False, False), "b": ("flash", None, False, False),
+        "c": ("fixed", 0x30, False, False), "d": ("global", None, True, False),
+        "e": ("fixed", 0x06, True, False), "f": ("fixed", 0x85, True, True),
+        "g": ("fixed", 0x8C, True, False), "j": ("global", None, True, False),
+    }  # fmt: skip
     assert program.eeprom == {0: 5, 1: 1, 2: 0, 3: 2, 4: 0}
 
 

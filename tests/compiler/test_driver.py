@@ -87,13 +87,9 @@ def test_a_call_that_is_never_executed_leaves_no_function() -> None:
 
 def program() -> dict[str, Function]:
     texts = {
-        "main": "CALL a; GOTO b; x: GOTO x",
-        "a": "CALL c; CALL lost; RETURN",
-        "b": "RETURN",
-        "c": "CALL a; RETURN",
-        "d": "CALL e; RETURN",
-        "e": "RETURN",
-    }
+        "main": "CALL a; GOTO b; x: GOTO x", "a": "CALL c; CALL lost; RETURN", "b": "RETURN",
+        "c": "CALL a; RETURN", "d": "CALL e; RETURN", "e": "RETURN",
+    }  # fmt: skip
     return {name: function(text, name=name) for name, text in texts.items()}
 
 

@@ -43,19 +43,12 @@ def around(inner: Expr) -> list[Expr]:
     return [
         ref(Y, inner),
         Deref(Binary("+", ref(Y), inner, POINTER, HERE), 0, U8, HERE),
-        AddressOf(ref(Y, inner), POINTER, HERE),
-        Cast(inner, U8, HERE),
-        Unary("-", inner, U8, HERE),
-        Binary("+", inner, ONE, U8, HERE),
-        Binary("+", ONE, inner, U8, HERE),
-        Logic("&&", inner, ONE, U8, HERE),
-        Logic("&&", ONE, inner, U8, HERE),
-        Comma(inner, ONE, U8, HERE),
-        Comma(ONE, inner, U8, HERE),
-        Choice(inner, ONE, ONE, U8, HERE),
-        Choice(ONE, inner, ONE, U8, HERE),
+        AddressOf(ref(Y, inner), POINTER, HERE), Cast(inner, U8, HERE), Unary("-", inner, U8, HERE),
+        Binary("+", inner, ONE, U8, HERE), Binary("+", ONE, inner, U8, HERE),
+        Logic("&&", inner, ONE, U8, HERE), Logic("&&", ONE, inner, U8, HERE), Comma(inner, ONE, U8, HERE),
+        Comma(ONE, inner, U8, HERE), Choice(inner, ONE, ONE, U8, HERE), Choice(ONE, inner, ONE, U8, HERE),
         Choice(ONE, ONE, inner, U8, HERE),
-    ]
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize("position", range(14))
@@ -86,19 +79,11 @@ def test_a_register_is_touched_by_what_lies_at_a_fixed_address() -> None:
 @pytest.mark.parametrize(
     ("low", "high", "wide"),
     [
-        (0, 0, (1, False)),
-        (0, 255, (1, False)),
-        (0, 256, (2, False)),
-        (0, 65535, (2, False)),
-        (0, 65536, (3, False)),
-        (-1, 127, (1, True)),
-        (-1, 128, (2, True)),
-        (-128, 0, (1, True)),
-        (-129, 0, (2, True)),
-        (-32768, 32767, (2, True)),
-        (-32768, 32768, (3, True)),
+        (0, 0, (1, False)), (0, 255, (1, False)), (0, 256, (2, False)), (0, 65535, (2, False)),
+        (0, 65536, (3, False)), (-1, 127, (1, True)), (-1, 128, (2, True)), (-128, 0, (1, True)),
+        (-129, 0, (2, True)), (-32768, 32767, (2, True)), (-32768, 32768, (3, True)),
     ],
-)
+)  # fmt: skip
 def test_the_bytes_of_a_range_are_those_of_twos_complement(
     low: int, high: int, wide: tuple[int, bool]
 ) -> None:

@@ -52,34 +52,13 @@ def said(read_: PragmaSettings) -> list[str]:
 @pytest.mark.parametrize(
     ("text", "value"),
     [
-        ("4000000", 4_000_000),
-        (" 7 ", 7),
-        ("4_000_000", 4_000_000),
-        ("0x10", 16),
-        ("0Xff", 255),
-        ("010", 10),
-        ("20000000UL", 20_000_000),
-        ("((5))", 5),
-        ("(4 * 1000000)", 4_000_000),
-        ("(3)*(4)", 12),
-        ("3 * 0x10 * 2", 96),
-        ("20e6", 20_000_000),
-        ("20E+6", 20_000_000),
-        ("2.5e3", 2500),
-        ("3.f", 3),
-        ("1e2L", 100),
-        ("2.5", None),
-        ("1e-3", None),
-        ("1e100", None),
-        ("", None),
-        ("()", None),
-        ("fast", None),
-        ("4 * fast", None),
-        ("4 + 4", None),
-        ("-4", None),
-        ("0x", None),
+        ("4000000", 4_000_000), (" 7 ", 7), ("4_000_000", 4_000_000), ("0x10", 16), ("0Xff", 255),
+        ("010", 10), ("20000000UL", 20_000_000), ("((5))", 5), ("(4 * 1000000)", 4_000_000), ("(3)*(4)", 12),
+        ("3 * 0x10 * 2", 96), ("20e6", 20_000_000), ("20E+6", 20_000_000), ("2.5e3", 2500), ("3.f", 3),
+        ("1e2L", 100), ("2.5", None), ("1e-3", None), ("1e100", None), ("", None), ("()", None),
+        ("fast", None), ("4 * fast", None), ("4 + 4", None), ("-4", None), ("0x", None),
     ],
-)
+)  # fmt: skip
 def test_a_number_of_a_pragma(text: str, value: int | None) -> None:
     assert number(text) == value
 
@@ -148,18 +127,14 @@ CONFIGURATION = "error c-configuration: "
     ("pragmas", "texts"),
     [
         (["config FOSC"], ["3 " + CONFIGURATION + "'FOSC' is not a setting, which is written NAME = VALUE"]),
-        (
-            ["config FOSK = XT"],
-            ["3 " + CONFIGURATION + "unknown configuration setting 'FOSK' // did you mean 'FOSC'?"],
-        ),
+        (["config FOSK = XT"], [
+            "3 " + CONFIGURATION + "unknown configuration setting 'FOSK' // did you mean 'FOSC'?"]),
         (["config fosc = XY"], ["3 " + CONFIGURATION + "'XY' is not a value of FOSC // known: EXTRC, "
             "HS, LP, RC, XT"]),
         (["config CP = ON", "config CP = OFF"], ["4 " + CONFIGURATION + "CP is set twice: ON and OFF"]),
         (["config CP = ON", "config cp = on"], []),
-        (
-            ["config A, WDTE = ON, B"],
-            [f"3 {CONFIGURATION}'{name}' is not a setting, which is written NAME = VALUE" for name in "AB"],
-        ),
+        (["config A, WDTE = ON, B"], [
+            f"3 {CONFIGURATION}'{name}' is not a setting, which is written NAME = VALUE" for name in "AB"]),
         (["CLOCK_FREQ 0"], ["3 error c-clock: #pragma CLOCK_FREQ needs a frequency in hertz, not '0'"]),
         (["CLOCK_FREQ"], ["3 error c-clock: #pragma CLOCK_FREQ needs a frequency in hertz, not ''"]),
         (["CLOCK_FREQ 1"], []),
@@ -254,26 +229,16 @@ AGREE = "one program has one clock: make them agree"
             "'0'"]),
         ([], {"_CLOCK_FREQ": "x"}, None, ["5 error c-clock: _CLOCK_FREQ must be a frequency in hertz, "
             "not 'x'"]),
-        (
-            ["CLOCK_FREQ 5"], {"_XTAL_FREQ": "6"}, None,
-            [f"5 error c-clock: _XTAL_FREQ says 6 Hz, #pragma CLOCK_FREQ says 5 Hz // {AGREE}"],
-        ),
-        (
-            ["CLOCK_FREQ 5"], {}, 6,
-            [f"3 error c-clock: --clock-hz says 6 Hz, #pragma CLOCK_FREQ says 5 Hz // {AGREE}"],
-        ),
-        (
-            [], {"_XTAL_FREQ": "6", "_CLOCK_FREQ": "7"}, 8,
-            [
-                f"5 error c-clock: _CLOCK_FREQ says 7 Hz, _XTAL_FREQ says 6 Hz // {AGREE}",
-                f"5 error c-clock: --clock-hz says 8 Hz, _XTAL_FREQ says 6 Hz // {AGREE}",
-            ],
-        ),
+        (["CLOCK_FREQ 5"], {"_XTAL_FREQ": "6"}, None, [
+            f"5 error c-clock: _XTAL_FREQ says 6 Hz, #pragma CLOCK_FREQ says 5 Hz // {AGREE}"]),
+        (["CLOCK_FREQ 5"], {}, 6, [
+            f"3 error c-clock: --clock-hz says 6 Hz, #pragma CLOCK_FREQ says 5 Hz // {AGREE}"]),
+        ([], {"_XTAL_FREQ": "6", "_CLOCK_FREQ": "7"}, 8, [
+            f"5 error c-clock: _CLOCK_FREQ says 7 Hz, _XTAL_FREQ says 6 Hz // {AGREE}",
+            f"5 error c-clock: --clock-hz says 8 Hz, _XTAL_FREQ says 6 Hz // {AGREE}"]),
         ([], {"_XTAL_FREQ": "20000000"}, None, []),
-        (
-            ["CLOCK_FREQ 20000001"], {}, None,
-            ["3 error c-clock: 20000001 Hz is too fast: PIC16F84A runs at up to 20000000 Hz"],
-        ),
+        (["CLOCK_FREQ 20000001"], {}, None, [
+            "3 error c-clock: 20000001 Hz is too fast: PIC16F84A runs at up to 20000000 Hz"]),
     ],
 )  # fmt: skip
 def test_clocks_that_cannot_be(
@@ -338,12 +303,8 @@ def test_the_layout_of_a_register() -> None:
     ):  # fmt: skip
         member = layout.members[name]
         assert (member.name, member.type, member.offset, member.bit, member.width) == (
-            name,
-            kind,
-            0,
-            bit,
-            width,
-        )
+            name, kind, 0, bit, width,
+        )  # fmt: skip
     assert "RB0" not in status.members
 
 

@@ -66,20 +66,11 @@ class Read:
 # tokens and their places
 
 MARKED = [
-    "‸int ‸a‸;",
-    "‸a ‸+‸b‸;\n\n  ‸c",
-    "\t‸a ‸b",
-    "‸x ‸^=‸ ‸1.5e-3 ‸+ ‸.5 ‸- ‸p‸.‸7",
-    "‸12UL‸+‸0x1F‸-‸1e+3‸+‸1E5",
-    "‸0x1p-3‸+‸0x1e‸+‸3",
-    "‸return ‸.5‸;",
-    "‸a‸[‸0‸]‸.‸7 ‸f‸(‸)‸.‸3",
-    "‸case ‸.5 ‸else ‸.5",
-    "‸a /* x */ ‸b // c\n‸d",
-    "/* one\ntwo */ ‸x",
-    "‸'a' ‸\"b c\"‸;",
+    "‸int ‸a‸;", "‸a ‸+‸b‸;\n\n  ‸c", "\t‸a ‸b", "‸x ‸^=‸ ‸1.5e-3 ‸+ ‸.5 ‸- ‸p‸.‸7",
+    "‸12UL‸+‸0x1F‸-‸1e+3‸+‸1E5", "‸0x1p-3‸+‸0x1e‸+‸3", "‸return ‸.5‸;", "‸a‸[‸0‸]‸.‸7 ‸f‸(‸)‸.‸3",
+    "‸case ‸.5 ‸else ‸.5", "‸a /* x */ ‸b // c\n‸d", "/* one\ntwo */ ‸x", "‸'a' ‸\"b c\"‸;",
     "‸a ‸<<= ‸b ‸>> ‸c ‸-> ‸d ‸++",
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("marked", MARKED)
@@ -149,18 +140,12 @@ def test_what_a_macro_is_replaced_with(text: str, tokens: str) -> None:
 @pytest.mark.parametrize(
     ("condition", "said"),
     [
-        ("1 / 0", "it divides by zero"),
-        ("1 +", "an operand is missing"),
-        ("(1", "')' is missing"),
-        ("X(1", "')' is missing"),
-        ("1 ? 2", "':' is missing"),
-        ("1 2", "'2' is not expected there"),
-        ("'ab'", "''ab'' is no integer"),
-        ("'\\q'", "'\\q' is no character"),
-        ("1.5", "'1.5' is no integer"),
+        ("1 / 0", "it divides by zero"), ("1 +", "an operand is missing"), ("(1", "')' is missing"),
+        ("X(1", "')' is missing"), ("1 ? 2", "':' is missing"), ("1 2", "'2' is not expected there"),
+        ("'ab'", "''ab'' is no integer"), ("'\\q'", "'\\q' is no character"), ("1.5", "'1.5' is no integer"),
         ("0x10000000000000000", "'0x10000000000000000' has more than 64 bits"),
     ],
-)
+)  # fmt: skip
 def test_a_condition_that_has_no_value(condition: str, said: str) -> None:
     assert Read(f"#if {condition}\n#endif").said == [
         f"m.c:1:1: error c-preprocessor: preprocessor: the expression of #if: {said}"
@@ -177,30 +162,19 @@ def test_the_macros_that_a_file_leaves() -> None:
 @pytest.mark.parametrize(
     ("condition", "holds"),
     [
-        ("1LL << 40 > 0", True),
-        ("1 << 63 == 0", False),
-        ("(1 << 64) == 0", True),
-        ("(1 << 0) == 1", True),
-        ("(1 << 1000000000) == 0", True),
-        ("10ULL / 3 == 3", True),
-        ("2l == 2", True),
-        ("3UL > 2u", True),
+        ("1LL << 40 > 0", True), ("1 << 63 == 0", False), ("(1 << 64) == 0", True), ("(1 << 0) == 1", True),
+        ("(1 << 1000000000) == 0", True), ("10ULL / 3 == 3", True), ("2l == 2", True), ("3UL > 2u", True),
         ("0b101 == 5 && 0B11u == 3 && 101b == 5", True),
-        ("0u - 1 > 0", True),
-        ("defined X", False),
-        ("-(10u == 10) < 0", True),
-        ("(1u > 0) - 2 < 0", True),
+        ("0u - 1 > 0", True), ("defined X", False), ("-(10u == 10) < 0", True), ("(1u > 0) - 2 < 0", True),
         ("-7 / 2 == -3 && -7 % 2 == -1 && 7 / -2 == -3", True),
         ("(1 ? -1 : 0u) > 0", True),
         ("0x7fffffffffffffff / 3 == 0x2aaaaaaaaaaaaaaa", True),
-        ("0 && 1 / 0", False),
-        ("1 || 1 % 0", True),
-        ("1 ? 2 : 1 / 0", True),
+        ("0 && 1 / 0", False), ("1 || 1 % 0", True), ("1 ? 2 : 1 / 0", True),
         ("1 + 2 * 3 == 7 && (1 | 6 ^ 2 & 3) == 5 && 1 << 2 < 5", True),
         ("'A' == 65 && '\\n' == 10 && '\\x41' == '\\101'", True),
         ("!X + ~0 == 0 && X(1, (2)) == 0", True),
     ],
-)
+)  # fmt: skip
 def test_the_condition_of_an_if(condition: str, holds: bool) -> None:
     read = Read(f"#if {condition}\nyes\n#else\nno\n#endif")
     assert (read.tokens, read.said) == ("yes" if holds else "no", [])
@@ -293,22 +267,14 @@ LIMITS = [
         "than 2 files are included"),
     ("TOKENS", 5, "a b c d e", "a b c d e f", "m.c:1:11: error program-too-large: the program has more "
         "than 5 tokens"),
-    (
-        "SOURCE_CHARACTERS", 9, "a = b + 1", "a = b + 10",
-        "m.c: error program-too-large: 'm.c' has 10 characters, a source file has at most 9",
-    ),
-    (
-        "ALL_CHARACTERS", 19, '#include "a.h"\n1234', '#include "a.h"\n12345',
-        "m.c: error program-too-large: the source files have more than 19 characters together",
-    ),
-    (
-        "ASSEMBLY_LINES", 2, "asm { nop\n nop }", "asm { nop\n nop\n nop }",
-        "m.c:3:2: error program-too-large: the program has more than 2 lines of assembly",
-    ),
-    (
-        "EXPANDED_CHARACTERS", 6, "#define A 123456\nA", "#define A 1234567\nA",
-        "m.c:2:1: error program-too-large: the macros expand to more than 6 characters",
-    ),
+    ("SOURCE_CHARACTERS", 9, "a = b + 1", "a = b + 10",
+        "m.c: error program-too-large: 'm.c' has 10 characters, a source file has at most 9"),
+    ("ALL_CHARACTERS", 19, '#include "a.h"\n1234', '#include "a.h"\n12345',
+        "m.c: error program-too-large: the source files have more than 19 characters together"),
+    ("ASSEMBLY_LINES", 2, "asm { nop\n nop }", "asm { nop\n nop\n nop }",
+        "m.c:3:2: error program-too-large: the program has more than 2 lines of assembly"),
+    ("EXPANDED_CHARACTERS", 6, "#define A 123456\nA", "#define A 1234567\nA",
+        "m.c:2:1: error program-too-large: the macros expand to more than 6 characters"),
 ]  # fmt: skip
 
 
@@ -381,39 +347,22 @@ def test_each_block_has_a_marker_of_its_own() -> None:
 
 
 MACROS = {
-    "N": "5",
-    "LED": "RB3",
-    "PORT": "PORTB",
-    "OCT": "017",
-    "TEXT": "a b",
-    "W": "9",
-    "BOTH": "PORTB,3",
-    "loop": "7",
-    "RB0": "1",
-}
+    "N": "5", "LED": "RB3", "PORT": "PORTB", "OCT": "017", "TEXT": "a b", "W": "9", "BOTH": "PORTB,3",
+    "loop": "7", "RB0": "1",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(
     ("line", "out"),
     [
-        (" movlw N", " movlw 5"),
-        ("here: movlw N ; N", "here: movlw 5 ; N"),
-        (" movlw N+N // N", " movlw 5+5 // N"),
-        (" bsf PORT,N", " bsf PORTB,5"),
-        (" bsf BOTH", " bsf PORTB,3"),
-        (" bsf LED", " bsf RB3"),
-        (" movlw OCT", " movlw OCT"),
-        (" movlw TEXT", " movlw TEXT"),
-        (" movf N,W", " movf 5,W"),
-        (" movf RB0,w", " movf RB0,w"),
-        (" goto loop", " goto loop"),
-        (" call loop", " call loop"),
-        (" movlw 'N'", " movlw 'N'"),
-        (" movlw other", " movlw other"),
-        (" movlw .N", " movlw .N"),
-        ("N", "N"),
+        (" movlw N", " movlw 5"), ("here: movlw N ; N", "here: movlw 5 ; N"),
+        (" movlw N+N // N", " movlw 5+5 // N"), (" bsf PORT,N", " bsf PORTB,5"),
+        (" bsf BOTH", " bsf PORTB,3"), (" bsf LED", " bsf RB3"), (" movlw OCT", " movlw OCT"),
+        (" movlw TEXT", " movlw TEXT"), (" movf N,W", " movf 5,W"), (" movf RB0,w", " movf RB0,w"),
+        (" goto loop", " goto loop"), (" call loop", " call loop"), (" movlw 'N'", " movlw 'N'"),
+        (" movlw other", " movlw other"), (" movlw .N", " movlw .N"), ("N", "N"),
     ],
-)
+)  # fmt: skip
 def test_macros_in_the_operands_of_assembly(line: str, out: str) -> None:
     assert replace_macros(line, MACROS.get) == out
 
@@ -433,15 +382,9 @@ def test_numbers_in_assembly() -> None:
     assert plain_numbers("0b101U + 11b + B1") == "5 + 3 + B1"
     assert binary_constants("0b101 + 0B11 + a0b1") == "B'101' + B'11' + a0b1"
     numbers = {
-        "(1500 - 14) / 1000 + 1": 2,
-        "0b101": 5,
-        "0x1F": 31,
-        "10": 10,
-        "H'10'": 16,
-        "x": None,
-        "": None,
+        "(1500 - 14) / 1000 + 1": 2, "0b101": 5, "0x1F": 31, "10": 10, "H'10'": 16, "x": None, "": None,
         "1 +": None,
-    }
+    }  # fmt: skip
     assert {text: assembler_number(text) for text in numbers} == numbers
 
 
@@ -468,16 +411,10 @@ PLAIN = [
     ("near char a; persistent int b; __xdata int c;", "char a ; int b ; int c ;"),
     ("char near *a, *far b; far int c;", "char * a , * b ; int c ;"),
     ("void f(int) reentrant { }", "void f ( int ) { }"),
-    *[
-        (same, same)
-        for same in (
-            "void f ( void ) { near = far + 1 ; far ++ ; return far * 2 ; }",
-            "int f ( char far , int rom ) ;",
-            "struct near { char far ; int eeprom : 2 ; } near ;",
-            "enum { persistent , reentrant } ; int interrupt = 1 ;",
-            "int f ( void ) { return rom - eeprom [ 1 ] ; }",
-        )
-    ],
+    *[(same, same) for same in ("void f ( void ) { near = far + 1 ; far ++ ; return far * 2 ; }",
+        "int f ( char far , int rom ) ;", "struct near { char far ; int eeprom : 2 ; } near ;",
+        "enum { persistent , reentrant } ; int interrupt = 1 ;",
+        "int f ( void ) { return rom - eeprom [ 1 ] ; }")],
     ("int a __attribute__((packed)); __using(1) x; __using = 1;", "int a ; x ; __using = 1 ;"),
     ("f(int a, ...);", "f ( int a , ... ) ;"),
     ("p.7 = q.12 + r.x + s.100;", "p . B7 = q . B12 + r . x + s . 100 ;"),
@@ -490,8 +427,7 @@ PLAIN = [
     ("__EEPROM_DATA(1, 2);", "const unsigned char E1 [ ] = { 1 , 2 } ;"),
     ('void f(void) { asm("nop"); }', "void f ( void ) { __servogen_asm ( 0 ) ; }"),
     ('void f(void) { asm volatile ("a" "b") }', "void f ( void ) { __servogen_asm ( 0 ) ; }"),
-    ('asm("__config 1"); int a;', "int a ;"),
-    ("__CONFIG = 3;", "__CONFIG = 3 ;"),
+    ('asm("__config 1"); int a;', "int a ;"), ("__CONFIG = 3;", "__CONFIG = 3 ;"),
 ]  # fmt: skip
 NAMES = {
     "B": "__servogen_bit",
@@ -516,18 +452,13 @@ def test_an_extension_becomes_plain_c(text: str, out: str) -> None:
     [
         ("char ‸a @ 0x20;", [0x20]),
         ("char ‸a @ 0x20 = 1, ‸b @ 0x21;", [0x20, 0x21]),
-        ("char ‸a[2][3] @ (0x20 + 4);", [0x24]),
-        ("char ‸a @ 017;", [15]),
-        ("char ‸a @ 0x20UL;", [0x20]),
-        ("__at(0x20) char ‸a;", [0x20]),
-        ("__at 0x20 char ‸a[3], b;", [0x20]),
-        ("char ‸a __at(0x20) = 1;", [0x20]),
-        ("char ‸a __at 0x20;", [0x20]),
+        ("char ‸a[2][3] @ (0x20 + 4);", [0x24]), ("char ‸a @ 017;", [15]), ("char ‸a @ 0x20UL;", [0x20]),
+        ("__at(0x20) char ‸a;", [0x20]), ("__at 0x20 char ‸a[3], b;", [0x20]),
+        ("char ‸a __at(0x20) = 1;", [0x20]), ("char ‸a __at 0x20;", [0x20]),
         ("char *‸a @ 0x20, **‸b @ 0x21;", [0x20, 0x21]),
         ("char (*‸a)[3] @ 0x20;", [0x20]),
         ("char (*‸a[2])(char, int (*)(int)) @ 0x20;", [0x20]),
-        ("char (*(*‸a)(void))[3] @ 0x20;", [0x20]),
-        ("__at(0x20) char (*‸a)(void), b;", [0x20]),
+        ("char (*(*‸a)(void))[3] @ 0x20;", [0x20]), ("__at(0x20) char (*‸a)(void), b;", [0x20]),
         ("__at(0x20) struct { char m; char *n; } ‸a;", [0x20]),
         ("char (*‸a)(void) __at 0x20;", [0x20]),
         ("bit ‸a @ PORTB.3;", [BitAddress("PORTB", 3)]),
@@ -536,7 +467,7 @@ def test_an_extension_becomes_plain_c(text: str, out: str) -> None:
         ("bit ‸a @ (unsigned int) &flags * 8 + 12;", [BitAddress("flags", 12)]),
         ("char a; __at = 1;", []),
     ],
-)
+)  # fmt: skip
 def test_fixed_addresses_belong_to_the_declared_name(marked: str, addresses: list[object]) -> None:
     positions = []
     before = ""

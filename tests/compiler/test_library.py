@@ -199,14 +199,9 @@ def test_characters_are_classed_as_python_classes_them() -> None:
         is_print = 32 <= c < 127
         space = character in " \t\n\v\f\r"
         classes = (
-            character.isdigit(),
-            character.isalpha(),
-            character.isalnum(),
-            character.isupper(),
-            character.islower(),
-            space,
-            is_print,
-        )
+            character.isdigit(), character.isalpha(), character.isalnum(), character.isupper(),
+            character.islower(), space, is_print,
+        )  # fmt: skip
         mask = sum(bool(each) << bit for bit, each in enumerate(classes))
         both = ord(character.upper()) ^ ord(character.lower()) << 1 & 0xFF
         sums[c >> 5] = (sums[c >> 5] * 31 + mask) & 0xFF

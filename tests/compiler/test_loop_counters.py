@@ -167,25 +167,8 @@ def test_crc8_of_eight_bytes_takes_less_than_640_cycles() -> None:
 @pytest.mark.parametrize("divisor", [2, 4, 8, 16, 128, 256, 1024])
 def test_a_signed_division_by_a_power_of_two_shifts_and_rounds_towards_zero(divisor: int) -> None:
     dividends = [
-        -32768,
-        -32767,
-        -1025,
-        -1024,
-        -257,
-        -256,
-        -129,
-        -17,
-        -16,
-        -15,
-        -2,
-        -1,
-        0,
-        1,
-        15,
-        16,
-        255,
-        32767,
-    ]
+        -32768, -32767, -1025, -1024, -257, -256, -129, -17, -16, -15, -2, -1, 0, 1, 15, 16, 255, 32767,
+    ]  # fmt: skip
     lines = "".join(f"x = {each}; y[{at}] = x / {divisor};\n" for at, each in enumerate(dividends))
     text = f"int y[{len(dividends)}]; volatile int x;\nvoid main(void) {{ {lines} while (1); }}\n"
     made = Program(text, "size")

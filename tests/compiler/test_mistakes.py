@@ -163,15 +163,8 @@ def clang(folder: Path) -> list[tuple[int, int, str]]:
     c2c = headers / "c2c.h"
     c2c.write_text("void delay_ms(unsigned char);\nvoid set_bit(int, int);\n")
     command = [
-        str(CLANG),
-        "-target",
-        "avr",
-        "-ffreestanding",
-        "-fsyntax-only",
-        "-Wall",
-        "-Wextra",
-        "-std=gnu11",
-    ]
+        str(CLANG), "-target", "avr", "-ffreestanding", "-fsyntax-only", "-Wall", "-Wextra", "-std=gnu11",
+    ]  # fmt: skip
     command += ["-funsigned-char", "-Wno-unknown-pragmas", "-I", str(headers), "-include", str(c2c), *files]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=False)
     found = re.findall(r"^(\d+)\.c:(\d+):\d+: (?:warning|error): (.*)$", done.stderr, re.MULTILINE)

@@ -24,14 +24,8 @@ def places(made: Reporter) -> list[tuple[str | None, int | None, int | None]]:
 def test_diagnostics_are_in_the_order_of_the_files_and_their_lines() -> None:
     made = reporter()
     given = [
-        ("x.c", 1, 1),
-        ("a.c", 1, 2),
-        ("b.c", 3, 1),
-        ("b.c", 2, 9),
-        ("b.c", 2, 4),
-        ("a.c", 1, 1),
-        (None,) * 3,
-    ]
+        ("x.c", 1, 1), ("a.c", 1, 2), ("b.c", 3, 1), ("b.c", 2, 9), ("b.c", 2, 4), ("a.c", 1, 1), (None,) * 3,
+    ]  # fmt: skip
     for at, place in enumerate(given):
         (made.error if at % 2 else made.warn)("c-syntax" if at % 2 else "c-return", "m", Location(*place))  # type: ignore[arg-type]
     assert places(made) == [
@@ -53,16 +47,12 @@ def test_the_same_diagnostic_is_kept_once() -> None:
     ("place", "expected"),
     [
         # a directive or a line of assembly is shown at its first word
-        (Location("b.c", 1), ("b.c", 1, 1)),
-        (Location("b.c", 2), ("b.c", 2, 3)),
-        (Location("b.c", 3), ("b.c", 3, 2)),
-        (Location("b.c", 2, 7), ("b.c", 2, 7)),
-        (Location("b.c", 4), ("b.c", 4, None)),
-        (Location("b.c"), ("b.c", None, None)),
-        (Location("x.c", 1), ("x.c", 1, None)),
-        (Location(), (None, None, None)),
+        (Location("b.c", 1), ("b.c", 1, 1)), (Location("b.c", 2), ("b.c", 2, 3)),
+        (Location("b.c", 3), ("b.c", 3, 2)), (Location("b.c", 2, 7), ("b.c", 2, 7)),
+        (Location("b.c", 4), ("b.c", 4, None)), (Location("b.c"), ("b.c", None, None)),
+        (Location("x.c", 1), ("x.c", 1, None)), (Location(), (None, None, None)),
     ],
-)
+)  # fmt: skip
 def test_where_a_diagnostic_points(
     place: Location, expected: tuple[str | None, int | None, int | None]
 ) -> None:

@@ -179,15 +179,11 @@ def test_a_skip_does_not_lead_into_a_delay() -> None:
 
 
 CONDITIONS: dict[str, Callable[[int, int], bool]] = {
-    "m < n": lambda m, n: m < n,
-    "m >= 255": lambda m, n: m >= 255,
-    "m < 255": lambda m, n: m < 255,
-    "m == 255": lambda m, n: m == 255,
-    "(m & 0x81) == 0x81": lambda m, n: m & 0x81 == 0x81,
-    "(m & 0x81) != 0x81": lambda m, n: m & 0x81 != 0x81,
-    "wide == 0x8000u": lambda m, n: m == 128 and n == 0,
+    "m < n": lambda m, n: m < n, "m >= 255": lambda m, n: m >= 255, "m < 255": lambda m, n: m < 255,
+    "m == 255": lambda m, n: m == 255, "(m & 0x81) == 0x81": lambda m, n: m & 0x81 == 0x81,
+    "(m & 0x81) != 0x81": lambda m, n: m & 0x81 != 0x81, "wide == 0x8000u": lambda m, n: m == 128 and n == 0,
     "wide != 0x00FFu": lambda m, n: (m, n) != (0, 255),
-}
+}  # fmt: skip
 
 
 def test_choices_without_jumps_are_right() -> None:

@@ -23,14 +23,9 @@ EVERYWHERE = sampled([(where,) for where in WHERE], 4)
 PORTA, PORTB, TRISB, MARK = 0x05, 0x06, 0x86, 0x09
 HEADS = {"c2c": "", "xc8": "#include <xc.h>\n", "sdcc": "#include <pic14/pic16f84a.h>\n"}
 ADDRESSES = {
-    "PORTB": PORTB,
-    "TRISB": TRISB,
-    "v": 0x40,
-    "va[i]": 0x4A,
-    "va[1]": 0x4A,
-    "(*pv)": 0x4A,
+    "PORTB": PORTB, "TRISB": TRISB, "v": 0x40, "va[i]": 0x4A, "va[1]": 0x4A, "(*pv)": 0x4A,
     "part.first": 0x4E,
-}
+}  # fmt: skip
 NAMES = """
 struct fields { unsigned lo : 3; unsigned hi : 5; };
 struct bits { unsigned k : 1; unsigned rest : 7; };
@@ -50,72 +45,17 @@ unsigned char g(unsigned char n) { return n + 2; }
 unsigned int wide(void) { return 0x3456; }
 """
 VALUES = {
-    "0": 0,
-    "a": 0x5A,
-    "b + 1": 0x10,
-    "a - b": 0x4B,
-    "a & b": 0x0A,
-    "a | 0x81": 0xDB,
-    "a ^ b": 0x55,
-    "f.lo": 5,
-    "f.hi": 19,
-    "pf->hi": 19,
-    "cf.lo": 1,
-    "cf.hi": 20,
-    "cfs[i].lo": 3,
-    "cfs[i].hi": 21,
-    "pcf->hi": 21,
-    "k.k": 1,
-    "k.rest": 5,
-    "table[i]": 22,
-    "mem[i]": 55,
-    "*q": 66,
-    "a << 1": 0xB4,
-    "a << 2": 0x68,
-    "a << 5": 0x40,
-    "b << 7": 0x80,
-    "a << i": 0xB4,
-    "a >> 1": 0x2D,
-    "a >> 3": 0x0B,
-    "a >> 4": 0x05,
-    "a >> 7": 0x00,
-    "a >> i": 0x2D,
-    "w >> 4": 0x23,
-    "w >> 8": 0x12,
-    "s >> 1": 0xFE,
-    "-s": 3,
-    "-a": 0xA6,
-    "~a": 0xA5,
-    "!a": 0,
-    "!zero": 1,
-    "a > b": 1,
-    "a == b": 0,
-    "w >= 0x1234": 1,
-    "a && b": 1,
-    "zero || b": 1,
-    "zero || zero": 0,
-    "a ? b : i": 15,
-    "zero ? b : a << 2": 0x68,
-    "a * 2": 0xB4,
-    "a * 3": 0x0E,
-    "a * 8": 0xD0,
-    "a * b": 0x46,
-    "a / 4": 0x16,
-    "a / b": 6,
-    "a % 8": 2,
-    "a % b": 0,
-    "w / 16": 0x23,
-    "(unsigned char) w": 0x34,
-    "(unsigned char) l": 0x70,
-    "(bool) a": 1,
-    "g(b)": 17,
-    "wide()": 0x56,
-    "(c = 1, a)": 0x5A,
-    "c = a": 0x5A,
-    "c += 2": 0x5C,
-    "c++": 0x5C,
-    "--c": 0x5C,
-}
+    "0": 0, "a": 0x5A, "b + 1": 0x10, "a - b": 0x4B, "a & b": 0x0A, "a | 0x81": 0xDB, "a ^ b": 0x55,
+    "f.lo": 5, "f.hi": 19, "pf->hi": 19, "cf.lo": 1, "cf.hi": 20, "cfs[i].lo": 3, "cfs[i].hi": 21,
+    "pcf->hi": 21, "k.k": 1, "k.rest": 5, "table[i]": 22, "mem[i]": 55, "*q": 66, "a << 1": 0xB4,
+    "a << 2": 0x68, "a << 5": 0x40, "b << 7": 0x80, "a << i": 0xB4, "a >> 1": 0x2D, "a >> 3": 0x0B,
+    "a >> 4": 0x05, "a >> 7": 0x00, "a >> i": 0x2D, "w >> 4": 0x23, "w >> 8": 0x12, "s >> 1": 0xFE, "-s": 3,
+    "-a": 0xA6, "~a": 0xA5, "!a": 0, "!zero": 1, "a > b": 1, "a == b": 0, "w >= 0x1234": 1, "a && b": 1,
+    "zero || b": 1, "zero || zero": 0, "a ? b : i": 15, "zero ? b : a << 2": 0x68, "a * 2": 0xB4,
+    "a * 3": 0x0E, "a * 8": 0xD0, "a * b": 0x46, "a / 4": 0x16, "a / b": 6, "a % 8": 2, "a % b": 0,
+    "w / 16": 0x23, "(unsigned char) w": 0x34, "(unsigned char) l": 0x70, "(bool) a": 1, "g(b)": 17,
+    "wide()": 0x56, "(c = 1, a)": 0x5A, "c = a": 0x5A, "c += 2": 0x5C, "c++": 0x5C, "--c": 0x5C,
+}  # fmt: skip
 """What an expression gives when those before it have been evaluated."""
 VOLATILE_NAMES = """
 volatile unsigned char v __at(0x40);
@@ -209,25 +149,10 @@ def test_a_bit_field_of_a_volatile_object_is_stored_once(where: tuple[str, str])
 
 
 WIDE_VALUES = {
-    "0": 0,
-    "w": 0x1234,
-    "w + 1": 0x1235,
-    "w - b": 0x1225,
-    "w + wide()": 0x468A,
-    "-w": 0xEDCC,
-    "~w": 0xEDCB,
-    "w << 1": 0x2468,
-    "w << 3": 0x91A0,
-    "w >> 5": 0x0091,
-    "s": 0xFFFD,
-    "s >> 1": 0xFFFE,
-    "cf.hi": 20,
-    "(unsigned int) a * b": 0x546,
-    "w / 7": 0x0299,
-    "w > b": 1,
-    "w ? s : b": 0xFFFD,
-    "f.hi": 19,
-}
+    "0": 0, "w": 0x1234, "w + 1": 0x1235, "w - b": 0x1225, "w + wide()": 0x468A, "-w": 0xEDCC, "~w": 0xEDCB,
+    "w << 1": 0x2468, "w << 3": 0x91A0, "w >> 5": 0x0091, "s": 0xFFFD, "s >> 1": 0xFFFE, "cf.hi": 20,
+    "(unsigned int) a * b": 0x546, "w / 7": 0x0299, "w > b": 1, "w ? s : b": 0xFFFD, "f.hi": 19,
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("where", EVERYWHERE, ids="-".join)
@@ -239,13 +164,8 @@ def test_each_byte_of_a_wide_volatile_object_is_stored_once(where: tuple[str, st
 
 
 LONG_VALUES = {
-    "l": 70000,
-    "l + 0x10203": 136051,
-    "l - 4": 69996,
-    "-l": 2**32 - 70000,
-    "l << 2": 280000,
-    "a": 0x5A,
-}
+    "l": 70000, "l + 0x10203": 136051, "l - 4": 69996, "-l": 2**32 - 70000, "l << 2": 280000, "a": 0x5A,
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("where", [each for each in WHERE if each[0] != "c2c"], ids="-".join)
@@ -256,32 +176,11 @@ def test_each_byte_of_a_long_volatile_object_is_stored_once(where: tuple[str, st
 
 
 CHANGES = {
-    "+= 1": 0x5B,
-    "-= 1": 0x59,
-    "+= b": 0x69,
-    "-= b": 0x4B,
-    "&= 0xF0": 0x50,
-    "&= 0": 0x00,
-    "&= 0xFE": 0x5A,
-    "&= 0xFF": 0x5A,
-    "|= b": 0x5F,
-    "|= 4": 0x5E,
-    "|= 0": 0x5A,
-    "|= 0xFF": 0xFF,
-    "^= 0xFF": 0xA5,
-    "^= b": 0x55,
-    "+= 0": 0x5A,
-    "*= 1": 0x5A,
-    "*= 3": 0x0E,
-    "/= 4": 0x16,
-    "%= 7": 0x06,
-    "<<= 1": 0xB4,
-    "<<= 3": 0xD0,
-    ">>= 1": 0x2D,
-    ">>= 4": 0x05,
-    ">>= i": 0x2D,
-    "<<= 0": 0x5A,
-}
+    "+= 1": 0x5B, "-= 1": 0x59, "+= b": 0x69, "-= b": 0x4B, "&= 0xF0": 0x50, "&= 0": 0x00, "&= 0xFE": 0x5A,
+    "&= 0xFF": 0x5A, "|= b": 0x5F, "|= 4": 0x5E, "|= 0": 0x5A, "|= 0xFF": 0xFF, "^= 0xFF": 0xA5, "^= b": 0x55,
+    "+= 0": 0x5A, "*= 1": 0x5A, "*= 3": 0x0E, "/= 4": 0x16, "%= 7": 0x06, "<<= 1": 0xB4, "<<= 3": 0xD0,
+    ">>= 1": 0x2D, ">>= 4": 0x05, ">>= i": 0x2D, "<<= 0": 0x5A,
+}  # fmt: skip
 """Values of a byte that was 0x5A."""
 
 
@@ -296,17 +195,10 @@ def test_a_compound_assignment_loads_once_and_stores_once(target: str, where: tu
 
 
 VALUES_OF_CHANGES = {
-    "v = b": (15, 15, 0),
-    "v++": (0x5A, 0x5B, 1),
-    "++v": (0x5B, 0x5B, 1),
-    "v--": (0x5A, 0x59, 1),
-    "--v": (0x59, 0x59, 1),
-    "v += b": (0x69, 0x69, 1),
-    "v <<= 2": (0x68, 0x68, 1),
-    "v = v": (0x5A, 0x5A, 1),
-    "v ? v : v": (0x5A, None, 2),
-    "v = v + v": (0xB4, 0xB4, 2),
-}
+    "v = b": (15, 15, 0), "v++": (0x5A, 0x5B, 1), "++v": (0x5B, 0x5B, 1), "v--": (0x5A, 0x59, 1),
+    "--v": (0x59, 0x59, 1), "v += b": (0x69, 0x69, 1), "v <<= 2": (0x68, 0x68, 1), "v = v": (0x5A, 0x5A, 1),
+    "v ? v : v": (0x5A, None, 2), "v = v + v": (0xB4, 0xB4, 2),
+}  # fmt: skip
 """The value of an expression on a byte that was 0x5A, what it stores, how often it loads."""
 
 
@@ -334,14 +226,8 @@ def test_the_value_of_an_assignment_is_not_read_back(target: str, where: tuple[s
 @pytest.mark.parametrize("where", EVERYWHERE, ids="-".join)
 def test_the_value_of_a_bit_field_that_is_changed(where: tuple[str, str]) -> None:
     steps = [
-        "vf.hi = 30",
-        "c = vf.hi++",
-        "PORTA = c",
-        "c = ++vf.hi",
-        "PORTA = c",
-        "c = (vf.lo = 12)",
-        "PORTA = c",
-    ]
+        "vf.hi = 30", "c = vf.hi++", "PORTA = c", "c = ++vf.hi", "PORTA = c", "c = (vf.lo = 12)", "PORTA = c",
+    ]  # fmt: skip
     found = seen(steps, where, [0x47, PORTA])
     assert [stores(each)[-1] for each in found] == [30 << 3, 31 << 3, 30, 0, 0, 4, 4]
     assert [len(stores(each)) for each in found] == [1] * 7
@@ -359,41 +245,17 @@ def test_a_wide_volatile_object_counts(where: tuple[str, str]) -> None:
 
 LOADS = {
     # PORTA gives 0xF1, 2, 3 … one after the other
-    "PORTA + 1": (0xF2, 1),
-    "w + PORTA": (0x25, 1),
-    "w - PORTA": (0x43, 1),
-    "w + (signed char) PORTA >> 8": (0x12, 1),
-    "(signed char) PORTA >> 8": (0xFF, 1),
-    "PORTA * 3": (0xD3, 1),
-    "PORTA * 0": (0, 1),
-    "PORTA & 0": (0, 1),
-    "PORTA << 7": (0x80, 1),
-    "PORTA >> 7": (1, 1),
-    "PORTA % 16": (1, 1),
-    "PORTA == 0xF1": (1, 1),
-    "PORTA > a": (1, 1),
-    "a > PORTA": (0, 1),
-    "PORTA >= w": (0, 1),
-    "w > PORTA": (1, 1),
-    "(signed char) PORTA < 0": (1, 1),
-    "(signed char) PORTA < s": (1, 1),
-    "PORTA + PORTA": (0xF3, 2),
-    "PORTA * PORTA": (0xE2, 2),
-    "PORTA ? PORTA : 9": (2, 2),
-    "PORTA && PORTA": (1, 2),
-    "PORTA || PORTA": (1, 1),
-    "(PORTA, PORTA)": (2, 2),
-    "!PORTA": (0, 1),
-    "~PORTA": (0x0E, 1),
-    "-PORTA": (0x0F, 1),
-    "(bool) PORTA": (1, 1),
-    "PORTAbits.RA0": (1, 1),
-    "table[PORTA & 1]": (22, 1),
-    "mem[PORTA & 1]": (55, 1),
-    "g(PORTA)": (0xF3, 1),
-    "(PORTA & 0x10) != 0": (1, 1),
-    "1 << (PORTA & 3)": (2, 1),
-}
+    "PORTA + 1": (0xF2, 1), "w + PORTA": (0x25, 1), "w - PORTA": (0x43, 1),
+    "w + (signed char) PORTA >> 8": (0x12, 1), "(signed char) PORTA >> 8": (0xFF, 1), "PORTA * 3": (0xD3, 1),
+    "PORTA * 0": (0, 1), "PORTA & 0": (0, 1), "PORTA << 7": (0x80, 1), "PORTA >> 7": (1, 1),
+    "PORTA % 16": (1, 1), "PORTA == 0xF1": (1, 1), "PORTA > a": (1, 1), "a > PORTA": (0, 1),
+    "PORTA >= w": (0, 1), "w > PORTA": (1, 1), "(signed char) PORTA < 0": (1, 1),
+    "(signed char) PORTA < s": (1, 1), "PORTA + PORTA": (0xF3, 2), "PORTA * PORTA": (0xE2, 2),
+    "PORTA ? PORTA : 9": (2, 2), "PORTA && PORTA": (1, 2), "PORTA || PORTA": (1, 1), "(PORTA, PORTA)": (2, 2),
+    "!PORTA": (0, 1), "~PORTA": (0x0E, 1), "-PORTA": (0x0F, 1), "(bool) PORTA": (1, 1),
+    "PORTAbits.RA0": (1, 1), "table[PORTA & 1]": (22, 1), "mem[PORTA & 1]": (55, 1), "g(PORTA)": (0xF3, 1),
+    "(PORTA & 0x10) != 0": (1, 1), "1 << (PORTA & 3)": (2, 1),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("where", EVERYWHERE, ids="-".join)
@@ -407,21 +269,10 @@ def test_a_volatile_operand_is_loaded_as_often_as_it_is_named(where: tuple[str, 
 
 WIDE_LOADS = {
     # the bytes of vw are 0x34 and 0x12 the first time
-    "vw + w == 0x2468": 1,
-    "w + vw == 0x2468": 1,
-    "w - vw == 0": 1,
-    "vw - w == 0": 1,
-    "w < vw": 0,
-    "vw < w": 0,
-    "w <= vw": 1,
-    "vw == w": 1,
-    "vw > 0x1233": 1,
-    "-vw == 0xEDCC": 1,
-    "vw << 1 == 0x2468": 1,
-    "vw >> 2 == 0x48D": 1,
-    "vw * 5 == 0x5B04": 1,
-    "vi < 0": 0,
-}
+    "vw + w == 0x2468": 1, "w + vw == 0x2468": 1, "w - vw == 0": 1, "vw - w == 0": 1, "w < vw": 0,
+    "vw < w": 0, "w <= vw": 1, "vw == w": 1, "vw > 0x1233": 1, "-vw == 0xEDCC": 1, "vw << 1 == 0x2468": 1,
+    "vw >> 2 == 0x48D": 1, "vw * 5 == 0x5B04": 1, "vi < 0": 0,
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("where", EVERYWHERE, ids="-".join)
@@ -455,15 +306,9 @@ def test_the_index_of_a_bit_field_is_evaluated_once(where: tuple[str, str]) -> N
 
 
 IDENTITIES = [
-    "{x}",
-    "{x} & 0xFFFF",
-    "0xFFFF & {x}",
-    "{x} | 0",
-    "{x} ^ 0x0100",
-    "{x} + 256",
-    "0x0200 + {x}",
+    "{x}", "{x} & 0xFFFF", "0xFFFF & {x}", "{x} | 0", "{x} ^ 0x0100", "{x} + 256", "0x0200 + {x}",
     "{x} - 256",
-]
+]  # fmt: skip
 """Values that are `x` again once they are converted to its type of eight bits."""
 
 

@@ -141,18 +141,13 @@ def test_texts_are_parsed() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "is not a breakpoint"),
-        ("width >", "is not a breakpoint"),
+        ("", "is not a breakpoint"), ("width >", "is not a breakpoint"),
         ("__import__('os')", "is not a breakpoint"),
         ("line 99", "no instruction belongs to line 99"),
-        ("main.c:11", "no instruction belongs"),
-        ("0x400", "end at 0x3FF"),
-        ("RA7 rise", "no pin 'RA7'"),
-        ("mian()", "did you mean 'main'"),
-        ("m == 3", "no variable 'm'"),
-        ("0x05 == 3", "not in RAM"),
+        ("main.c:11", "no instruction belongs"), ("0x400", "end at 0x3FF"), ("RA7 rise", "no pin 'RA7'"),
+        ("mian()", "did you mean 'main'"), ("m == 3", "no variable 'm'"), ("0x05 == 3", "not in RAM"),
     ],
-)
+)  # fmt: skip
 def test_bad_texts_are_refused(text: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         parse_breakpoint(text, DONE.listing)

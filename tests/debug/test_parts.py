@@ -122,14 +122,10 @@ class OfRam:
 @pytest.mark.parametrize(
     ("comparison", "holds"),
     [
-        ("==", (0, 1, 0)),
-        ("!=", (1, 0, 1)),
-        ("<=", (1, 1, 0)),
-        (">=", (0, 1, 1)),
-        ("<", (1, 0, 0)),
+        ("==", (0, 1, 0)), ("!=", (1, 0, 1)), ("<=", (1, 1, 0)), (">=", (0, 1, 1)), ("<", (1, 0, 0)),
         (">", (0, 0, 1)),
     ],
-)
+)  # fmt: skip
 def test_comparisons_below_at_and_above_the_value(comparison: str, holds: tuple[int, ...]) -> None:
     condition = parse_breakpoint(f"0x20 {comparison} 5", None)
     assert isinstance(condition, AtCondition)

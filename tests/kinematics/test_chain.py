@@ -50,41 +50,31 @@ LENGTHS = {name: arm(name).length for name in ("theta-r", "theta1-theta2", "cyli
 
 # name, joint positions (a, b, c, … in radians and metres), the position of the table
 TABLE = {
-    "theta-r": lambda q, k: (q[1] * sin(q[0]), -q[1] * cos(q[0]), k["d1"]),
-    "theta1-theta2": lambda q, k: (
-        k["l1"] * cos(q[0]) + k["l2"] * cos(q[0] + q[1]),
-        k["l1"] * sin(q[0]) + k["l2"] * sin(q[0] + q[1]),
-        0.0,
-    ),
-    "cylindrical": lambda q, k: (cos(q[0]) * (q[2] + k["l4"]), sin(q[0]) * (q[2] + k["l4"]), q[1] + k["l1"]),
-    "scara": lambda q, k: (
-        k["l1"] * cos(q[0]) + k["l2"] * cos(q[0] + q[1]),
-        k["l1"] * sin(q[0]) + k["l2"] * sin(q[0] + q[1]),
-        k["l0"] - k["l3"] - q[2] - k["l4"],
-    ),
-    "wrist-arm": lambda q, k: (
-        (k["l2"] + k["l3"]) * cos(q[0]) * cos(q[1]),
-        (k["l2"] + k["l3"]) * sin(q[0]) * cos(q[1]),
-        (k["l2"] + k["l3"]) * sin(q[1]) + k["l1"],
-    ),
-    "anthropomorphic": lambda q, k: (
-        -(k["l2"] * cos(q[1]) + k["l3"] * cos(q[1] + q[2])) * sin(q[0]),
-        (k["l2"] * cos(q[1]) + k["l3"] * cos(q[1] + q[2])) * cos(q[0]),
-        k["l2"] * sin(q[1]) + k["l3"] * sin(q[1] + q[2]),
-    ),
-    "rv-m1": lambda q, k: (
-        cos(q[0]) * (k["a2"] * cos(q[1]) + k["a3"] * cos(q[1] + q[2]) + k["d5"] * sin(q[1] + q[2] + q[3])),
+    "theta-r": lambda q,
+    k: (q[1] * sin(q[0]), -q[1] * cos(q[0]), k["d1"]),
+    "theta1-theta2": lambda q,
+    k: (k["l1"] * cos(q[0]) + k["l2"] * cos(q[0] + q[1]), k["l1"] * sin(q[0]) + k["l2"] * sin(q[0] + q[1]),
+        0.0),
+    "cylindrical": lambda q,
+    k: (cos(q[0]) * (q[2] + k["l4"]), sin(q[0]) * (q[2] + k["l4"]), q[1] + k["l1"]),
+    "scara": lambda q,
+    k: (k["l1"] * cos(q[0]) + k["l2"] * cos(q[0] + q[1]), k["l1"] * sin(q[0]) + k["l2"] * sin(q[0] + q[1]),
+        k["l0"] - k["l3"] - q[2] - k["l4"]),
+    "wrist-arm": lambda q,
+    k: ((k["l2"] + k["l3"]) * cos(q[0]) * cos(q[1]), (k["l2"] + k["l3"]) * sin(q[0]) * cos(q[1]), (k[
+        "l2"] + k["l3"]) * sin(q[1]) + k["l1"]),
+    "anthropomorphic": lambda q,
+    k: (-(k["l2"] * cos(q[1]) + k["l3"] * cos(q[1] + q[2])) * sin(q[0]), (k["l2"] * cos(q[1]) + k[
+        "l3"] * cos(q[1] + q[2])) * cos(q[0]), k["l2"] * sin(q[1]) + k["l3"] * sin(q[1] + q[2])),
+    "rv-m1": lambda q,
+    k: (cos(q[0]) * (k["a2"] * cos(q[1]) + k["a3"] * cos(q[1] + q[2]) + k["d5"] * sin(q[1] + q[2] + q[3])),
         sin(q[0]) * (k["a2"] * cos(q[1]) + k["a3"] * cos(q[1] + q[2]) + k["d5"] * sin(q[1] + q[2] + q[3])),
-        k["d1"] + k["a2"] * sin(q[1]) + k["a3"] * sin(q[1] + q[2]) - k["d5"] * cos(q[1] + q[2] + q[3]),
-    ),
-    "cartesian": lambda q, _: (q[2], q[1], q[0]),
-    "cylindrical-r2p": lambda q, _: (q[2] * cos(q[0]), q[2] * sin(q[0]), q[1]),
-    "spherical": lambda q, _: (
-        q[2] * cos(q[0]) * sin(q[1]),
-        q[2] * sin(q[0]) * sin(q[1]),
-        q[2] * cos(q[1]),
-    ),
-}
+        k["d1"] + k["a2"] * sin(q[1]) + k["a3"] * sin(q[1] + q[2]) - k["d5"] * cos(q[1] + q[2] + q[3])),
+    "cartesian": lambda q, _: (q[2], q[1], q[0]), "cylindrical-r2p": lambda q,
+    _: (q[2] * cos(q[0]), q[2] * sin(q[0]), q[1]),
+    "spherical": lambda q,
+    _: (q[2] * cos(q[0]) * sin(q[1]), q[2] * sin(q[0]) * sin(q[1]), q[2] * cos(q[1])),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", TABLE)

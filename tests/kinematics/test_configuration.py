@@ -19,13 +19,9 @@ def test_the_vector_of_the_scara_is_the_closed_form() -> None:
     # p = (l1 c1 + l2 c12, l1 s1 + l2 s12, l0 - l3 - d3 - l4), a = (0, 0, -1), roll = θ4
     one, two, slide, four = radians(30), radians(60), 0.2, radians(90)
     expected = [
-        0.4 * cos(one) + 0.3 * cos(one + two),
-        0.4 * sin(one) + 0.3 * sin(one + two),
-        0.6 - slide - 0.15,
-        0,
-        0,
-        -exp(0.5),
-    ]
+        0.4 * cos(one) + 0.3 * cos(one + two), 0.4 * sin(one) + 0.3 * sin(one + two), 0.6 - slide - 0.15, 0,
+        0, -exp(0.5),
+    ]  # fmt: skip
     assert configuration_of(arm("scara"), [one, two, slide, four]) == pytest.approx(expected)
 
 

@@ -40,20 +40,11 @@ LEG = Leg(ab=0.03, bc=0.05, cd=0.01, df=0.08)
 @pytest.mark.parametrize(
     ("text", "column"),
     [
-        ("Rx(90) )", 8),
-        ("Rx(90) ( Ty(1)", 8),
-        ("  Foo(1)", 3),
-        ("Rx(90) Tx(1e9) Ty(-1000000001)", 16),
-        ("Rx(nan)", 1),
-        ("Rot(w, 3)", 1),
-        ("Rot(x)", 1),
-        ("Trans(1, 2, 3, 4)", 1),
-        ("Sx(3)", 1),
-        ("Rw(3)", 1),
-        ("Rx(1, 2)", 1),
-        ("inv Rx(3)", 1),
+        ("Rx(90) )", 8), ("Rx(90) ( Ty(1)", 8), ("  Foo(1)", 3), ("Rx(90) Tx(1e9) Ty(-1000000001)", 16),
+        ("Rx(nan)", 1), ("Rot(w, 3)", 1), ("Rot(x)", 1), ("Trans(1, 2, 3, 4)", 1), ("Sx(3)", 1), ("Rw(3)", 1),
+        ("Rx(1, 2)", 1), ("inv Rx(3)", 1),
     ],
-)
+)  # fmt: skip
 def test_an_error_is_at_the_column_of_its_factor(text: str, column: int) -> None:
     with pytest.raises(InputError) as caught:
         t.parse(text)
@@ -231,18 +222,14 @@ def test_a_configuration_vector_scales_the_approach_by_the_roll() -> None:
         ((0, 0.04, -0.1301), "the height must be between -130.000 and -30.000 mm"),
         ((0, 0.04, -0.0299), "the height must be between -130.000 and -30.000 mm"),
         # β = 90°: at -80 mm the foot is √(40² + 50²) from the axis
-        (
-            (0.0, 0.06, -0.08),
+        ((0.0, 0.06, -0.08),
             "two joints reach a surface only, and at this height the foot is 64.031 mm from the axis of α, "
-            "not 60.000 mm",
-        ),
+            "not 60.000 mm"),
         # cos β = (110 - 80)/50: sin β is 0.8
-        (
-            (0.03, 0.04, -0.11),
-            f"the foot is {1000 * math.hypot(0.04, 0.04):.3f} mm from the axis of α, not 50.000 mm",
-        ),
+        ((0.03, 0.04, -0.11),
+            f"the foot is {1000 * math.hypot(0.04, 0.04):.3f} mm from the axis of α, not 50.000 mm"),
     ],
-)
+)  # fmt: skip
 def test_a_foot_off_the_leg_s_surface_is_told_where_the_surface_is(
     foot: tuple[float, ...], reason: str
 ) -> None:
@@ -628,23 +615,14 @@ def described(kind: str, inside: str, links: int = 2) -> str:
     [
         ("continuous", "", ("turning", -math.pi, math.pi, 0.0, None)),
         ("continuous", '<limit effort="1" velocity="3"/>', ("turning", -math.pi, math.pi, 0.0, 3.0)),
-        (
-            "revolute",
-            '<limit lower="0.5" upper="2" effort="1" velocity="0"/>',
-            ("turning", 0.5, 2.0, 0.5, None),
-        ),
-        (
-            "revolute",
-            '<limit lower="-2" upper="-0.5" effort="1" velocity="1"/>',
-            ("turning", -2.0, -0.5, -0.5, 1.0),
-        ),
-        (
-            "prismatic",
-            '<limit lower="-0.2" upper="0.3" effort="1" velocity="1"/>',
-            ("sliding", -0.2, 0.3, -0.2, 1.0),
-        ),
+        ("revolute", '<limit lower="0.5" upper="2" effort="1" velocity="0"/>', ("turning", 0.5, 2.0, 0.5,
+            None)),
+        ("revolute", '<limit lower="-2" upper="-0.5" effort="1" velocity="1"/>', ("turning", -2.0, -0.5,
+            -0.5, 1.0)),
+        ("prismatic", '<limit lower="-0.2" upper="0.3" effort="1" velocity="1"/>', ("sliding", -0.2, 0.3,
+            -0.2, 1.0)),
     ],
-)
+)  # fmt: skip
 def test_a_urdf_joint_s_limits_home_and_speed(kind: str, inside: str, expected: tuple[object, ...]) -> None:
     pytest.importorskip("urdf_parser_py")
     (joint,) = from_urdf(described(kind, inside), "r.urdf").joints
@@ -656,22 +634,16 @@ def test_a_urdf_joint_s_limits_home_and_speed(kind: str, inside: str, expected: 
     [
         ("prismatic", "", "the sliding joint 'ab' has no limits"),
         ("revolute", '<limit lower="1" upper="1" effort="1" velocity="1"/>', "are not in order: 1.0 to 1.0"),
-        (
-            "revolute",
-            '<limit lower="-1000001" upper="1" effort="1" velocity="1"/>',
-            "has the number -1000001.0",
-        ),
-        (
-            "revolute",
-            '<limit lower="0" upper="1" effort="1" velocity="1000001"/>',
-            "has the number 1000001.0",
-        ),
+        ("revolute", '<limit lower="-1000001" upper="1" effort="1" velocity="1"/>',
+            "has the number -1000001.0"),
+        ("revolute", '<limit lower="0" upper="1" effort="1" velocity="1000001"/>',
+            "has the number 1000001.0"),
         ("revolute", '<origin xyz="0 0 1000001"/>', "has the number 1000001.0"),
         ("revolute", '<mimic joint="zz"/>', "'ab' mimics 'zz', which is not in the chain"),
         ("revolute", '<mimic joint="zz" multiplier="1000001"/>', "has the number 1000001.0"),
         ("revolute", '<mimic joint="zz" offset="1000001"/>', "has the number 1000001.0"),
     ],
-)
+)  # fmt: skip
 def test_a_urdf_joint_that_cannot_be_is_refused(kind: str, inside: str, message: str) -> None:
     pytest.importorskip("urdf_parser_py")
     with pytest.raises(InputError, match=re.escape(message)):

@@ -331,22 +331,11 @@ def test_a_base_and_a_tool_are_taken_off_first(closed_arm, configurations) -> No
 
 # robot -> how many solutions a target in general position has, with orientation and without, limits aside
 COUNTS = {
-    "theta-r": (1, 2),
-    "theta1-theta2": (1, 2),
-    "cylindrical": (1, 2),
-    "cylindrical-r2p": (1, 2),
-    "cartesian": (1, 1),
-    "scara": (2, 2),
-    "wrist-arm": (2, 2),
-    "anthropomorphic": (1, 4),
-    "rv-m1": (4, 4),
-    "irb6400c": (8, 4),
-    "spherical": (1, 4),
-    "spherical-wrist": (8, 4),
-    "leg": (1, 2),
-    "hip-lift": (1, 1),
+    "theta-r": (1, 2), "theta1-theta2": (1, 2), "cylindrical": (1, 2), "cylindrical-r2p": (1, 2),
+    "cartesian": (1, 1), "scara": (2, 2), "wrist-arm": (2, 2), "anthropomorphic": (1, 4), "rv-m1": (4, 4),
+    "irb6400c": (8, 4), "spherical": (1, 4), "spherical-wrist": (8, 4), "leg": (1, 2), "hip-lift": (1, 1),
     "coxa-femur-tibia": (1, 4),
-}
+}  # fmt: skip
 
 
 def test_the_number_of_solutions_of_each_arm(closed_arm, configurations) -> None:

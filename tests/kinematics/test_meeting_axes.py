@@ -16,13 +16,9 @@ from tests.kinematics.random_arms import KINDS, RIGHT, apart, arm_of, compare, d
 
 ALL_AROUND = np.full(6, pi)
 PUMA = [
-    [0.0, 0.0, 0.0, -RIGHT],
-    [0.0, 0.15, 0.432, 0.0],
-    [0.0, 0.0, 0.02, RIGHT],
-    [0.0, 0.433, 0.0, -RIGHT],
-    [0.0, 0.0, 0.0, RIGHT],
-    [0.0, 0.056, 0.0, 0.0],
-]
+    [0.0, 0.0, 0.0, -RIGHT], [0.0, 0.15, 0.432, 0.0], [0.0, 0.0, 0.02, RIGHT], [0.0, 0.433, 0.0, -RIGHT],
+    [0.0, 0.0, 0.0, RIGHT], [0.0, 0.056, 0.0, 0.0],
+]  # fmt: skip
 
 OWN = """
 name = "own"

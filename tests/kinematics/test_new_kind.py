@@ -198,13 +198,8 @@ def test_a_rovers_contour_is_planned_drawn_and_proven(folder: Path) -> None:
         line.split(": ")[1].split(",")[0] for line in planned.splitlines() if line.startswith("stretch")
     ]
     assert routine == [
-        "200 mm ahead",
-        "turn by 90°",
-        "200 mm ahead",
-        "turn by 135°",
-        "283 mm ahead",
-        "turn by 135°",
-    ]
+        "200 mm ahead", "turn by 90°", "200 mm ahead", "turn by 135°", "283 mm ahead", "turn by 135°",
+    ]  # fmt: skip
     header, *rows = (folder / "rover.csv").read_text().splitlines()
     column = {name: index for index, name in enumerate(header.split(","))}
     x, y = (np.array([float(row.split(",")[column[name]]) for row in rows]) for name in ("x_mm", "y_mm"))

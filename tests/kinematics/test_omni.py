@@ -42,13 +42,8 @@ def test_the_equations_follow_from_where_the_wheels_stand() -> None:
 
 # typed from the specification, apart from the code
 TRANSLATIONS = {
-    (1, -1, 0): 0,
-    (0, -1, 1): 60,
-    (-1, 0, 1): 120,
-    (-1, 1, 0): 180,
-    (0, 1, -1): 240,
-    (1, 0, -1): 300,
-}
+    (1, -1, 0): 0, (0, -1, 1): 60, (-1, 0, 1): 120, (-1, 1, 0): 180, (0, 1, -1): 240, (1, 0, -1): 300,
+}  # fmt: skip
 
 
 def test_there_are_27_motions_and_six_are_translations() -> None:

@@ -38,14 +38,10 @@ def test_other_ways_to_write_the_same(text: str) -> None:
 @pytest.mark.parametrize(
     ("text", "column"),
     [
-        ("Ry(30) Qx(5)", 8),
-        ("Ry(30", 1),
-        ("Ry(30) Tx(a)", 8),
-        ("Trans(1,2)", 1),
-        ("Rx(30) )", 8),
+        ("Ry(30) Qx(5)", 8), ("Ry(30", 1), ("Ry(30) Tx(a)", 8), ("Trans(1,2)", 1), ("Rx(30) )", 8),
         ("Rx(inf)", 1),
     ],
-)
+)  # fmt: skip
 def test_what_is_no_transform_is_refused_with_its_column(text: str, column: int) -> None:
     with pytest.raises(InputError, match=f"column {column}") as caught:
         parse(text)
@@ -379,16 +375,12 @@ def test_a_configuration_vector_is_typed_in_millimetres() -> None:
 @pytest.mark.parametrize(
     ("coefficients", "solutions"),
     [
-        ((1, 0, -0.5), [-60, 60]),
-        ((1, 0, 0), [-90, 90]),
-        ((0, 1, 0), [0, 180]),
+        ((1, 0, -0.5), [-60, 60]), ((1, 0, 0), [-90, 90]), ((0, 1, 0), [0, 180]),
         ((3, 4, -5), [degrees(atan2(4, 3))]),  # the greatest value of a cos x + b sin x
         ((1, 0, 1), [180]),  # where tan(x/2) has none
-        ((1e-9, 1e-9, 0), [-45, 135]),
-        ((3, 4, 5.000001), []),
-        ((0, 0, 1), []),
+        ((1e-9, 1e-9, 0), [-45, 135]), ((3, 4, 5.000001), []), ((0, 0, 1), []),
     ],
-)
+)  # fmt: skip
 def test_an_equation_of_cosine_and_sine_has_these_solutions(
     coefficients: tuple[float, float, float], solutions: list[float]
 ) -> None:

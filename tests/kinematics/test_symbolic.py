@@ -26,26 +26,18 @@ POSITIONS = {
     "cylindrical": ["cos(q1)*(q3 + l4)", "sin(q1)*(q3 + l4)", "q2 + l1"],
     "scara": ["l1*cos(q1) + l2*cos(q1 + q2)", "l1*sin(q1) + l2*sin(q1 + q2)", "l0 - l3 - q3 - l4"],
     "wrist-arm": ["(l2+l3)*cos(q1)*cos(q2)", "(l2+l3)*sin(q1)*cos(q2)", "(l2+l3)*sin(q2) + l1"],
-    "anthropomorphic": [
-        "-(l2*cos(q2) + l3*cos(q2+q3))*sin(q1)",
-        "(l2*cos(q2) + l3*cos(q2+q3))*cos(q1)",
-        "l2*sin(q2) + l3*sin(q2+q3)",
-    ],
-    "rv-m1": [
-        "cos(q1)*(a2*cos(q2) + a3*cos(q2+q3) + d5*sin(q2+q3+q4))",
+    "anthropomorphic": ["-(l2*cos(q2) + l3*cos(q2+q3))*sin(q1)", "(l2*cos(q2) + l3*cos(q2+q3))*cos(q1)",
+        "l2*sin(q2) + l3*sin(q2+q3)"],
+    "rv-m1": ["cos(q1)*(a2*cos(q2) + a3*cos(q2+q3) + d5*sin(q2+q3+q4))",
         "sin(q1)*(a2*cos(q2) + a3*cos(q2+q3) + d5*sin(q2+q3+q4))",
-        "d1 + a2*sin(q2) + a3*sin(q2+q3) - d5*cos(q2+q3+q4)",
-    ],
+        "d1 + a2*sin(q2) + a3*sin(q2+q3) - d5*cos(q2+q3+q4)"],
     "cartesian": ["q3", "q2", "q1"],
     "cylindrical-r2p": ["q3*cos(q1)", "q3*sin(q1)", "q2"],
     "spherical": ["q3*cos(q1)*sin(q2)", "q3*sin(q1)*sin(q2)", "q3*cos(q2)"],
     "spherical-wrist": ["q3*cos(q1)*sin(q2)", "q3*sin(q1)*sin(q2)", "q3*cos(q2)"],
-    "leg": [
-        "-(ab + cd)*sin(alpha) - bc*cos(alpha)*sin(beta)",
-        "(ab + cd)*cos(alpha) - bc*sin(alpha)*sin(beta)",
-        "-bc*cos(beta) - df",
-    ],
-}
+    "leg": ["-(ab + cd)*sin(alpha) - bc*cos(alpha)*sin(beta)",
+        "(ab + cd)*cos(alpha) - bc*sin(alpha)*sin(beta)", "-bc*cos(beta) - df"],
+}  # fmt: skip
 
 
 def real(text: str) -> sympy.Expr:
@@ -118,13 +110,9 @@ def test_a_row_without_a_joint_moves_nothing() -> None:
 
 def test_lab_7_in_its_own_end_frame() -> None:
     expected = [
-        ["0", "l2*sin(q3)", "0"],
-        ["0", "l2*cos(q3) + l3", "l3"],
-        ["-(l2*cos(q2) + l3*cos(q2+q3))", "0", "0"],
-        ["sin(q2+q3)", "0", "0"],
-        ["cos(q2+q3)", "0", "0"],
-        ["0", "1", "1"],
-    ]
+        ["0", "l2*sin(q3)", "0"], ["0", "l2*cos(q3) + l3", "l3"], ["-(l2*cos(q2) + l3*cos(q2+q3))", "0", "0"],
+        ["sin(q2+q3)", "0", "0"], ["cos(q2+q3)", "0", "0"], ["0", "1", "1"],
+    ]  # fmt: skip
     found = symbolic_jacobian(arm("anthropomorphic"), "n")
     for row in range(6):
         for column in range(3):

@@ -33,13 +33,9 @@ LOST = math.radians(4 * 180 / 500)
 FRAMES = 48
 AHEAD, TURN = Segment(forward=0.04), Segment(turn=math.radians(20))
 WALKS = [
-    ("tripod", 0.11, AHEAD),
-    ("tripod", 0.13, AHEAD),
-    ("ripple", 0.11, AHEAD),
-    ("ripple", 0.13, AHEAD),
-    ("tripod", 0.13, TURN),
-    ("wave", 0.11, AHEAD),
-]
+    ("tripod", 0.11, AHEAD), ("tripod", 0.13, AHEAD), ("ripple", 0.11, AHEAD), ("ripple", 0.13, AHEAD),
+    ("tripod", 0.13, TURN), ("wave", 0.11, AHEAD),
+]  # fmt: skip
 
 
 def walked(

@@ -171,38 +171,25 @@ def test_program_lines_behind_rn_are_not_run_and_it_is_said(ran: Ran) -> None:
     [
         ("10 GT 30\n20 ED", "a.rvm:1:4: error: program line 10: there is no program line 30 to go to"),
         ("10 ED\n20 EQ 1, 33", "a.rvm:2:4: error: program line 20: there is no program line 33 to go to"),
-        (
-            "10 ED\nRN 11",
-            "a.rvm:2:1: error: there is no program line 11 [unknown-line]\n  near it are the lines 10",
-        ),
+        ("10 ED\nRN 11",
+            "a.rvm:2:1: error: there is no program line 11 [unknown-line]\n  near it are the lines 10"),
         ("10 ED\nRN 10, 5", "a.rvm:2:1: error: there is no program line 5 [unknown-line]\n"),
-        (
-            "RN 10\n10 ED",
-            "a.rvm:1:1: error: there is no program line 10 [unknown-line]\n  put the program before RN",
-        ),
+        ("RN 10\n10 ED",
+            "a.rvm:1:1: error: there is no program line 10 [unknown-line]\n  put the program before RN"),
         ("10 RT", "a.rvm:1:4: error: program line 10: RT without a GS [program-nesting]\n"),
         ("10 NX", "a.rvm:1:4: error: program line 10: NX without an RC [program-nesting]\n"),
-        (
-            "10 GS 10",
-            "a.rvm:1:4: error: program line 10: subroutines are called 10 deep: 9 is the maximum "
-            "[program-nesting]\n",
-        ),
-        (
-            "10 IC 1\n10 IC 2",
+        ("10 GS 10", "a.rvm:1:4: error: program line 10: subroutines are called 10 deep: 9 is the maximum "
+            "[program-nesting]\n"),
+        ("10 IC 1\n10 IC 2",
             "a.rvm:2:4: error: program line 10: program line 10 is given twice [duplicate-name]\n  "
-            "the other one",
-        ),
-        (
-            "10 CP 1\n20 PT 3",
+            "the other one"),
+        ("10 CP 1\n20 PT 3",
             "a.rvm:2:4: error: program line 20: pallet 3 has no grid [undefined-position]\n  PA 3, "
-            "columns, rows",
-        ),
-        (
-            "10 IN",
-            "a.rvm:1:4: error: program line 10: IN waits for a strobe that never comes [program-argument]\n",
-        ),
+            "columns, rows"),
+        ("10 IN",
+            "a.rvm:1:4: error: program line 10: IN waits for a strobe that never comes [program-argument]\n"),
     ],
-)
+)  # fmt: skip
 def test_what_cannot_run_is_refused_at_its_line(refused: Refused, text: str, message: str) -> None:
     assert refused(text).startswith(message)
 
@@ -247,15 +234,11 @@ PALLET = (
 @pytest.mark.parametrize(
     ("column", "row", "expected"),
     [
-        (1, 1, (0, 0, 100, -90, 10)),
-        (4, 1, (90, 0, 100, -90, 10)),
-        (1, 3, (10, 60, 130, -90, 40)),
-        (4, 3, (100, 60, 130, -90, 40)),
-        (2, 1, (30, 0, 100, -90, 10)),
-        (1, 2, (5, 30, 115, -90, 25)),
+        (1, 1, (0, 0, 100, -90, 10)), (4, 1, (90, 0, 100, -90, 10)), (1, 3, (10, 60, 130, -90, 40)),
+        (4, 3, (100, 60, 130, -90, 40)), (2, 1, (30, 0, 100, -90, 10)), (1, 2, (5, 30, 115, -90, 25)),
         (3, 2, (65, 30, 115, -90, 25)),
     ],
-)
+)  # fmt: skip
 def test_grid_points_of_a_leaning_pallet(
     ran: Ran, column: int, row: int, expected: tuple[float, ...]
 ) -> None:

@@ -25,23 +25,17 @@ def refusal(text: str) -> str:
 @pytest.mark.parametrize(
     ("text", "number", "mnemonic", "arguments"),
     [
-        ("NT", None, "NT", ()),
-        ("10 NT", 10, "NT", ()),
-        ("  10   nt  ", 10, "NT", ()),
+        ("NT", None, "NT", ()), ("10 NT", 10, "NT", ()), ("  10   nt  ", 10, "NT", ()),
         ("10MO1,O", 10, "MO", (1, "O")),
         ("10 mo 1 , c ' grip it, then go", 10, "MO", (1, "C")),
         ("PD 1, -12.5, +300, .5, 7., 0", None, "PD", (1, -12.5, 300.0, 0.5, 7.0, 0.0)),
         ("PD 1,, 5,,,", None, "PD", (1, 0.0, 5.0, 0.0, 0.0, 0.0)),
-        ("DW ,,20", None, "DW", (0.0, 0.0, 20.0)),
-        ("2048 ED", 2048, "ED", ()),
-        ("10 SC 5", 10, "SC", (5,)),
-        ("10 SC 5, -32767", 10, "SC", (5, -32767)),
-        ("10 TB +0, 5", 10, "TB", (Bit(0, True), 5)),
+        ("DW ,,20", None, "DW", (0.0, 0.0, 20.0)), ("2048 ED", 2048, "ED", ()), ("10 SC 5", 10, "SC", (5,)),
+        ("10 SC 5, -32767", 10, "SC", (5, -32767)), ("10 TB +0, 5", 10, "TB", (Bit(0, True), 5)),
         ("10 TB -0, 5", 10, "TB", (Bit(0, False), 5)),
-        ("10 OB 7", 10, "OB", (Bit(7, True),)),
-        ("10 OD &ff", 10, "OD", (255,)),
+        ("10 OB 7", 10, "OB", (Bit(7, True),)), ("10 OD &ff", 10, "OD", (255,)),
     ],
-)
+)  # fmt: skip
 def test_a_line_is_read(text: str, number: int | None, mnemonic: str, arguments: tuple[Value, ...]) -> None:
     statement = only(text)
     assert statement.command is COMMANDS[mnemonic]

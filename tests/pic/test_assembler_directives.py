@@ -16,12 +16,8 @@ from tests.pic.conftest import MPASM
 
 def test_labels_stand_in_column_1_with_or_without_a_colon(asm: Any) -> None:
     assert asm.words("one nop\ntwo: nop\nthree\n goto one\n goto two\n goto three") == [
-        0,
-        0,
-        0x2800,
-        0x2801,
-        0x2802,
-    ]
+        0, 0, 0x2800, 0x2801, 0x2802,
+    ]  # fmt: skip
 
 
 def test_a_label_after_column_1_needs_a_colon_and_is_warned_of(asm: Any) -> None:
@@ -121,29 +117,19 @@ def test_a_word_beyond_the_chip_is_an_error(asm: Any) -> None:
 @pytest.mark.parametrize(
     ("line", "expected"),
     [
-        ("dt 1, 2, 0x1FF", [0x3401, 0x3402, 0x34FF]),
-        ('dt "AB", 0', [0x3441, 0x3442, 0x3400]),
-        ("dt 'A'", [0x3441]),
-        ("dw 0x3FFF, 1", [0x3FFF, 1]),
-        ("data 1, 2", [1, 2]),
+        ("dt 1, 2, 0x1FF", [0x3401, 0x3402, 0x34FF]), ('dt "AB", 0', [0x3441, 0x3442, 0x3400]),
+        ("dt 'A'", [0x3441]), ("dw 0x3FFF, 1", [0x3FFF, 1]), ("data 1, 2", [1, 2]),
         ('data "AB"', [0x4142 & 0x3FFF]),
         ('data "ABC"', [0x4142 & 0x3FFF, 0x4300 & 0x3FFF]),
-        ("db 1, 2, 3", [0x0102, 0x0300]),
-        ('db "A", 2', [0x4102 & 0x3FFF]),
-        ('da "AB"', [0x41 << 7 | 0x42]),
-        ('da "ABC"', [0x41 << 7 | 0x42, 0x43 << 7]),
-        ("fill 0x1234, 3", [0x1234] * 3),
+        ("db 1, 2, 3", [0x0102, 0x0300]), ('db "A", 2', [0x4102 & 0x3FFF]), ('da "AB"', [0x41 << 7 | 0x42]),
+        ('da "ABC"', [0x41 << 7 | 0x42, 0x43 << 7]), ("fill 0x1234, 3", [0x1234] * 3),
         ("fill $, 3", [0, 1, 2]),
         ("fill (goto $), 3", [0x2800, 0x2801, 0x2802]),
-        ("fill (nop), 2", [0, 0]),
-        ("res 2", [0x3FFF, 0x3FFF]),
-        ("banksel 0x86", [0x1683]),
-        ("banksel 0x06", [0x1283]),
-        ("bankisel 0x86", [0x1383]),
-        ("bankisel 0x186", [0x1783]),
+        ("fill (nop), 2", [0, 0]), ("res 2", [0x3FFF, 0x3FFF]), ("banksel 0x86", [0x1683]),
+        ("banksel 0x06", [0x1283]), ("bankisel 0x86", [0x1383]), ("bankisel 0x186", [0x1783]),
         ("pagesel 0", []),
     ],
-)
+)  # fmt: skip
 def test_directives_that_place_words(asm: Any, line: str, expected: list[int]) -> None:
     assert asm.words(f" {line}") == expected
 
@@ -226,31 +212,16 @@ def test_an_endless_while_ends_with_an_error(asm: Any) -> None:
 @pytest.mark.parametrize(
     ("source", "number"),
     [
-        (" if 1\n nop\n end", None),
-        (" if 1\n nop", 129),
-        (" else\n end", 123),
-        (" endif\n end", 123),
-        (" if 1\n else\n else\n endif\n end", 123),
-        (" endw\n end", 123),
-        (" endm\n end", 123),
-        (" endc\n end", 123),
-        (" while 1\n end", 129),
-        (" cblock 1\n end", 129),
-        ("m macro\n end", 129),
+        (" if 1\n nop\n end", None), (" if 1\n nop", 129), (" else\n end", 123), (" endif\n end", 123),
+        (" if 1\n else\n else\n endif\n end", 123), (" endw\n end", 123), (" endm\n end", 123),
+        (" endc\n end", 123), (" while 1\n end", 129), (" cblock 1\n end", 129), ("m macro\n end", 129),
         (" macro\n endm\n end", 130),
         ("m macro\n endm\nm macro\n endm\n end", 115),
-        (" exitm\n end", 123),
-        (" local a\n end", 123),
-        ("x if 1\n endif\n end", 121),
-        (" equ 1\n end", 128),
-        (" org\n end", 128),
-        (" org 1, 2\n end", 127),
-        (" udata_acs\n end", 149),
-        (" frobnicate 1\n end", 122),
-        (" clrff\n end", 122),
-        (" 5 nop\n end", 101),
+        (" exitm\n end", 123), (" local a\n end", 123), ("x if 1\n endif\n end", 121), (" equ 1\n end", 128),
+        (" org\n end", 128), (" org 1, 2\n end", 127), (" udata_acs\n end", 149),
+        (" frobnicate 1\n end", 122), (" clrff\n end", 122), (" 5 nop\n end", 101),
     ],
-)
+)  # fmt: skip
 def test_what_does_not_fit_together_is_an_error(asm: Any, source: str, number: int | None) -> None:
     found = asm.errors(source)
     assert [int(each.split()[1]) for each in found[:1]] == ([] if number is None else [number])

@@ -20,47 +20,18 @@ from servogen.pic.assembler.expressions import spelling
 from servogen.pic.assembler.instructions import takes_label
 
 PLAIN = [
-    ("addwf 0x20, 0", 0x0720),
-    ("addwf 0x20, 1", 0x07A0),
-    ("andwf 0x20, w", 0x0520),
-    ("andwf 0x20, f", 0x05A0),
-    ("clrf 0x20", 0x01A0),
-    ("clrw", 0x0103),
-    ("comf 0x20, W", 0x0920),
-    ("decf 0x20, F", 0x03A0),
-    ("decfsz 0x20, f", 0x0BA0),
-    ("incf 0x20, f", 0x0AA0),
-    ("incfsz 0x20, f", 0x0FA0),
-    ("iorwf 0x20, w", 0x0420),
-    ("movf 0x20, w", 0x0820),
-    ("movwf 0x20", 0x00A0),
-    ("nop", 0x0000),
-    ("rlf 0x20, f", 0x0DA0),
-    ("rrf 0x20, f", 0x0CA0),
-    ("subwf 0x20, w", 0x0220),
-    ("swapf 0x20, w", 0x0E20),
-    ("xorwf 0x20, f", 0x06A0),
-    ("bcf 3, 5", 0x1283),
-    ("bsf 3, 5", 0x1683),
-    ("btfsc 6, 7", 0x1B86),
-    ("btfss 6, 0", 0x1C06),
-    ("addlw 0x12", 0x3E12),
-    ("andlw 0x12", 0x3912),
-    ("call 0x123", 0x2123),
-    ("clrwdt", 0x0064),
-    ("goto 0x123", 0x2923),
-    ("iorlw 0x12", 0x3812),
-    ("movlw 0x12", 0x3012),
-    ("retfie", 0x0009),
-    ("retlw 0x12", 0x3412),
-    ("return", 0x0008),
-    ("sleep", 0x0063),
-    ("sublw 0x12", 0x3C12),
-    ("xorlw 0x12", 0x3A12),
-    ("option", 0x0062),
-    ("tris 5", 0x0065),
+    ("addwf 0x20, 0", 0x0720), ("addwf 0x20, 1", 0x07A0), ("andwf 0x20, w", 0x0520),
+    ("andwf 0x20, f", 0x05A0), ("clrf 0x20", 0x01A0), ("clrw", 0x0103), ("comf 0x20, W", 0x0920),
+    ("decf 0x20, F", 0x03A0), ("decfsz 0x20, f", 0x0BA0), ("incf 0x20, f", 0x0AA0),
+    ("incfsz 0x20, f", 0x0FA0), ("iorwf 0x20, w", 0x0420), ("movf 0x20, w", 0x0820), ("movwf 0x20", 0x00A0),
+    ("nop", 0x0000), ("rlf 0x20, f", 0x0DA0), ("rrf 0x20, f", 0x0CA0), ("subwf 0x20, w", 0x0220),
+    ("swapf 0x20, w", 0x0E20), ("xorwf 0x20, f", 0x06A0), ("bcf 3, 5", 0x1283), ("bsf 3, 5", 0x1683),
+    ("btfsc 6, 7", 0x1B86), ("btfss 6, 0", 0x1C06), ("addlw 0x12", 0x3E12), ("andlw 0x12", 0x3912),
+    ("call 0x123", 0x2123), ("clrwdt", 0x0064), ("goto 0x123", 0x2923), ("iorlw 0x12", 0x3812),
+    ("movlw 0x12", 0x3012), ("retfie", 0x0009), ("retlw 0x12", 0x3412), ("return", 0x0008), ("sleep", 0x0063),
+    ("sublw 0x12", 0x3C12), ("xorlw 0x12", 0x3A12), ("option", 0x0062), ("tris 5", 0x0065),
     ("tris 6", 0x0066),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("instruction", "expected"), PLAIN)
@@ -72,36 +43,15 @@ def test_each_instruction_has_the_data_sheets_word(asm: Any, instruction: str, e
 # STATUS is register 3; C, DC and Z are its bits 0, 1 and 2; on 3,0 BCF is 0x1003, BSF 0x1403, BTFSC 0x1803,
 # BTFSS 0x1C03
 SPECIAL = {
-    "skpc": [0x1C03],
-    "skpnc": [0x1803],
-    "skpdc": [0x1C83],
-    "skpndc": [0x1883],
-    "skpz": [0x1D03],
-    "skpnz": [0x1903],
-    "clrc": [0x1003],
-    "setc": [0x1403],
-    "clrdc": [0x1083],
-    "setdc": [0x1483],
-    "clrz": [0x1103],
-    "setz": [0x1503],
-    "movfw 0x20": [0x0820],
-    "tstf 0x20": [0x08A0],
-    "negf 0x20": [0x09A0, 0x0AA0],
-    "negf 0x20, w": [0x09A0, 0x0A20],
-    "addcf 0x20, f": [0x1803, 0x0AA0],
-    "adddcf 0x20, w": [0x1883, 0x0A20],
-    "subcf 0x20, f": [0x1803, 0x03A0],
-    "subdcf 0x20, w": [0x1883, 0x0320],
-    "b 0x10": [0x2810],
-    "bc 0x10": [0x1803, 0x2810],
-    "bnc 0x10": [0x1C03, 0x2810],
-    "bdc 0x10": [0x1883, 0x2810],
-    "bndc 0x10": [0x1C83, 0x2810],
-    "bz 0x10": [0x1903, 0x2810],
-    "bnz 0x10": [0x1D03, 0x2810],
-    "lcall 0x10": [0x2010],
-    "lgoto 0x10": [0x2810],
-}
+    "skpc": [0x1C03], "skpnc": [0x1803], "skpdc": [0x1C83], "skpndc": [0x1883], "skpz": [0x1D03],
+    "skpnz": [0x1903], "clrc": [0x1003], "setc": [0x1403], "clrdc": [0x1083], "setdc": [0x1483],
+    "clrz": [0x1103], "setz": [0x1503], "movfw 0x20": [0x0820], "tstf 0x20": [0x08A0],
+    "negf 0x20": [0x09A0, 0x0AA0], "negf 0x20, w": [0x09A0, 0x0A20], "addcf 0x20, f": [0x1803, 0x0AA0],
+    "adddcf 0x20, w": [0x1883, 0x0A20], "subcf 0x20, f": [0x1803, 0x03A0], "subdcf 0x20, w": [0x1883, 0x0320],
+    "b 0x10": [0x2810], "bc 0x10": [0x1803, 0x2810], "bnc 0x10": [0x1C03, 0x2810],
+    "bdc 0x10": [0x1883, 0x2810], "bndc 0x10": [0x1C83, 0x2810], "bz 0x10": [0x1903, 0x2810],
+    "bnz 0x10": [0x1D03, 0x2810], "lcall 0x10": [0x2010], "lgoto 0x10": [0x2810],
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("instruction", SPECIAL)
@@ -128,18 +78,12 @@ def test_a_destination_left_out_is_the_file_with_message_305(asm: Any) -> None:
 @pytest.mark.parametrize(
     ("instruction", "expected", "number"),
     [
-        ("movlw 0x1FF", 0x30FF, 202),
-        ("movlw -1", 0x30FF, None),
-        ("movlw -0xFF", 0x3001, None),
-        ("movlw -0x100", 0x3000, 202),
-        ("bsf 3, 8", 0x1403, 202),
-        ("movf 3, 2", 0x0803, 202),
-        ("goto 0x400", 0x2C00, 220),
-        ("call 0x801", 0x2001, 220),
-        ("option", 0x0062, 224),
+        ("movlw 0x1FF", 0x30FF, 202), ("movlw -1", 0x30FF, None), ("movlw -0xFF", 0x3001, None),
+        ("movlw -0x100", 0x3000, 202), ("bsf 3, 8", 0x1403, 202), ("movf 3, 2", 0x0803, 202),
+        ("goto 0x400", 0x2C00, 220), ("call 0x801", 0x2001, 220), ("option", 0x0062, 224),
         ("tris 6", 0x0066, 224),
     ],
-)
+)  # fmt: skip
 def test_a_value_that_does_not_fit_is_masked_and_remarked(
     asm: Any, instruction: str, expected: int, number: int | None
 ) -> None:
@@ -240,17 +184,11 @@ def test_no_other_operand_is_a_label(name: str) -> None:
 @pytest.mark.parametrize(
     ("text", "shown"),
     [
-        ("x+1", "x + 1"),
-        ("(1500+14)/4", "(1500 + 14) / 4"),
-        ("low(x+1)", "low (x + 1)"),
-        ("-0x10", "-16"),
-        ("$-2", "$ - 2"),
-        ("300-10-1", "300 - 10 - 1"),
-        ("300-(10-1)", "300 - (10 - 1)"),
-        ("1|2&3", "1 | 2 & 3"),
-        ("~(x|1)", "~(x | 1)"),
+        ("x+1", "x + 1"), ("(1500+14)/4", "(1500 + 14) / 4"), ("low(x+1)", "low (x + 1)"), ("-0x10", "-16"),
+        ("$-2", "$ - 2"), ("300-10-1", "300 - 10 - 1"), ("300-(10-1)", "300 - (10 - 1)"),
+        ("1|2&3", "1 | 2 & 3"), ("~(x|1)", "~(x | 1)"),
     ],
-)
+)  # fmt: skip
 def test_an_expression_is_shown_as_text(text: str, shown: str) -> None:
     (instruction,) = parse_line(f" movlw {text}", PLACE, radix=10).instructions
     assert instruction.k is not None

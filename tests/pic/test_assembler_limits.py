@@ -293,14 +293,9 @@ def test_a_file_that_is_no_header_has_no_chip() -> None:
 
 # DS33014, "Arithmetic operators and precedence": the tightest level last.
 LEVELS = (
-    ("||",),
-    ("&&",),
-    ("&", "|", "^"),
-    ("<", ">", "<=", ">=", "==", "!="),
-    ("<<", ">>"),
-    ("+", "-"),
+    ("||",), ("&&",), ("&", "|", "^"), ("<", ">", "<=", ">=", "==", "!="), ("<<", ">>"), ("+", "-"),
     ("*", "/", "%"),
-)
+)  # fmt: skip
 SIGNS = ("-", "+", "~", "!", "high ", "low ", "upper ")
 
 

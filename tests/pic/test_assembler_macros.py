@@ -138,17 +138,9 @@ def test_the_header_of_the_other_chip_is_remarked() -> None:
 
 # names and values as Microchip's p16f84.inc has them, typed from its published symbol list
 FUSES = {
-    "_CP_ON": 0x000F,
-    "_CP_OFF": 0x3FFF,
-    "_PWRTE_ON": 0x3FF7,
-    "_PWRTE_OFF": 0x3FFF,
-    "_WDT_ON": 0x3FFF,
-    "_WDT_OFF": 0x3FFB,
-    "_LP_OSC": 0x3FFC,
-    "_XT_OSC": 0x3FFD,
-    "_HS_OSC": 0x3FFE,
-    "_RC_OSC": 0x3FFF,
-}
+    "_CP_ON": 0x000F, "_CP_OFF": 0x3FFF, "_PWRTE_ON": 0x3FF7, "_PWRTE_OFF": 0x3FFF, "_WDT_ON": 0x3FFF,
+    "_WDT_OFF": 0x3FFB, "_LP_OSC": 0x3FFC, "_XT_OSC": 0x3FFD, "_HS_OSC": 0x3FFE, "_RC_OSC": 0x3FFF,
+}  # fmt: skip
 BITS = {
     "C": 0, "DC": 1, "Z": 2, "NOT_PD": 3, "NOT_TO": 4, "RP0": 5, "RP1": 6, "IRP": 7,
     "RBIF": 0, "INTF": 1, "T0IF": 2, "RBIE": 3, "INTE": 4, "T0IE": 5, "EEIE": 6, "GIE": 7,

@@ -74,16 +74,12 @@ def test_the_package_has_18_pins_as_drawn() -> None:
 @pytest.mark.parametrize(
     ("oscillator", "watchdog", "power_up_timer", "code_protect", "word"),
     [
-        ("XT", False, True, False, 0x3FF1),
-        ("HS", False, True, False, 0x3FF2),
-        ("LP", False, True, False, 0x3FF0),
-        ("RC", False, True, False, 0x3FF3),
-        ("XT", True, True, False, 0x3FF5),
-        ("XT", False, False, False, 0x3FF9),
-        ("RC", True, False, False, 0x3FFF),
-        ("XT", False, True, True, 0x0001),
+        ("XT", False, True, False, 0x3FF1), ("HS", False, True, False, 0x3FF2),
+        ("LP", False, True, False, 0x3FF0), ("RC", False, True, False, 0x3FF3),
+        ("XT", True, True, False, 0x3FF5), ("XT", False, False, False, 0x3FF9),
+        ("RC", True, False, False, 0x3FFF), ("XT", False, True, True, 0x0001),
     ],
-)
+)  # fmt: skip
 def test_configuration_words(
     oscillator: str, watchdog: bool, power_up_timer: bool, code_protect: bool, word: int
 ) -> None:
@@ -96,14 +92,10 @@ def test_configuration_words(
 @pytest.mark.parametrize(
     ("hz", "oscillator"),
     [
-        (32_768, "LP"),
-        (200_000, "LP"),
-        (1_000_000, "XT"),
-        (4_000_000, "XT"),
-        (4_000_001, "HS"),
+        (32_768, "LP"), (200_000, "LP"), (1_000_000, "XT"), (4_000_000, "XT"), (4_000_001, "HS"),
         (20_000_000, "HS"),
     ],
-)
+)  # fmt: skip
 def test_the_oscillator_setting_follows_the_clock(hz: int, oscillator: str) -> None:
     assert oscillator_for(hz) == oscillator
 

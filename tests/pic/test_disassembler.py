@@ -60,34 +60,19 @@ def test_erased_words_in_rows_are_one_fill() -> None:
 def test_jumps_go_to_labels() -> None:
     image = Image({0: 0x2805, 4: 0x0009, 5: 0x2007, 6: 0x2805, 7: 0x0008, 8: 0x2900})
     assert body(image) == [
-        "org 0x000",
-        "reset:",
-        "GOTO at_005",
-        "org 0x004",
-        "interrupt:",
-        "RETFIE",
-        "at_005:",
-        "CALL sub_007",
-        "GOTO at_005",
-        "sub_007:",
-        "RETURN",
-        "GOTO 0x100",
-    ]
+        "org 0x000", "reset:", "GOTO at_005", "org 0x004", "interrupt:", "RETFIE", "at_005:", "CALL sub_007",
+        "GOTO at_005", "sub_007:", "RETURN", "GOTO 0x100",
+    ]  # fmt: skip
 
 
 def test_registers_and_bits_have_their_names_and_the_other_bank_in_a_comment() -> None:
     image = Image({0: 0x1683, 1: 0x0186, 2: 0x1906, 3: 0x1A03, 4: 0x0081, 5: 0x0820})
     assert body(image) == [
-        "org 0x000",
-        "reset:",
-        "BSF STATUS, RP0",
-        "CLRF PORTB                      ; TRISB",
-        "BTFSC PORTB, RB2                ; TRISB",
-        "BTFSC STATUS, NOT_TO",
-        "interrupt:",
+        "org 0x000", "reset:", "BSF STATUS, RP0", "CLRF PORTB                      ; TRISB",
+        "BTFSC PORTB, RB2                ; TRISB", "BTFSC STATUS, NOT_TO", "interrupt:",
         "MOVWF TMR0                      ; OPTION_REG",
         "MOVF 0x20, W",
-    ]
+    ]  # fmt: skip
 
 
 def test_undefined_words_and_ignored_bits_are_data_with_the_reason() -> None:
@@ -137,20 +122,12 @@ def test_the_text_names_the_device_and_is_the_same_each_time() -> None:
     [
         (0x0000, "NOP", "1"),
         (0x0782, "ADDWF PCL, F", "2"),  # a written PCL takes two cycles: DS33023 section 29
-        (0x0702, "ADDWF PCL, W", "1"),
-        (0x0082, "MOVWF PCL", "2"),
-        (0x0182, "CLRF PCL", "2"),
-        (0x0802, "MOVF PCL, W", "1"),
-        (0x0B8C, "DECFSZ 0x0C, F", "1(2)"),
-        (0x1D03, "BTFSS STATUS, Z", "1(2)"),
-        (0x2123, "CALL 0x123", "2"),
-        (0x34FF, "RETLW 0xFF", "2"),
-        (0x0008, "RETURN", "2"),
-        (0x0064, "CLRWDT", "1"),
-        (0x0066, "TRIS PORTB", "1"),
-        (0x0001, "dw 0x0001", ""),
+        (0x0702, "ADDWF PCL, W", "1"), (0x0082, "MOVWF PCL", "2"), (0x0182, "CLRF PCL", "2"),
+        (0x0802, "MOVF PCL, W", "1"), (0x0B8C, "DECFSZ 0x0C, F", "1(2)"), (0x1D03, "BTFSS STATUS, Z", "1(2)"),
+        (0x2123, "CALL 0x123", "2"), (0x34FF, "RETLW 0xFF", "2"), (0x0008, "RETURN", "2"),
+        (0x0064, "CLRWDT", "1"), (0x0066, "TRIS PORTB", "1"), (0x0001, "dw 0x0001", ""),
     ],
-)
+)  # fmt: skip
 def test_a_word_is_spelled_with_its_cycles(word: int, text: str, cycles: str) -> None:
     assert (assembly_text(word), cycles_text(word)) == (text, cycles)
 

@@ -29,15 +29,10 @@ def number(rng: random.Random) -> str:
     value = rng.randrange(1, 256)
     return rng.choice(
         [
-            f"0x{value:X}",
-            f"0{value:X}h",
-            f"H'{value:x}'",
-            f"D'{value}'",
-            f".{value}",
-            f"B'{value:b}'",
+            f"0x{value:X}", f"0{value:X}h", f"H'{value:x}'", f"D'{value}'", f".{value}", f"B'{value:b}'",
             f"O'{value:o}'",
         ]
-    )
+    )  # fmt: skip
 
 
 def expression(rng: random.Random, depth: int = 3) -> str:

@@ -48,12 +48,8 @@ def test_the_whole_chip_comes_back() -> None:
 def test_words_stand_low_byte_first_at_twice_their_address() -> None:
     text = to_hex(Image({0: 0x2805, 1: 0x3FFF}, 0x3FF1, {0: 0xAB}, {0: 0x000C}))
     assert text.splitlines() == [
-        ":040000000528FF3F91",
-        ":024000000C00B2",
-        ":02400E00F13F80",
-        ":02420000AB0011",
-        ":00000001FF",
-    ]
+        ":040000000528FF3F91", ":024000000C00B2", ":02400E00F13F80", ":02420000AB0011", ":00000001FF",
+    ]  # fmt: skip
 
 
 def test_a_file_as_gpasm_writes_it_is_read() -> None:

@@ -152,14 +152,10 @@ def test_no_word_fits_two_rows() -> None:
 @pytest.mark.parametrize(
     ("mnemonic", "first", "last", "step"),
     [
-        ("CLRW", 0x0100, 0x017F, 1),
-        ("NOP", 0x0000, 0x0060, 0x20),
-        ("MOVLW", 0x3000, 0x33FF, 1),
-        ("RETLW", 0x3400, 0x37FF, 1),
-        ("SUBLW", 0x3C00, 0x3DFF, 1),
-        ("ADDLW", 0x3E00, 0x3FFF, 1),
+        ("CLRW", 0x0100, 0x017F, 1), ("NOP", 0x0000, 0x0060, 0x20), ("MOVLW", 0x3000, 0x33FF, 1),
+        ("RETLW", 0x3400, 0x37FF, 1), ("SUBLW", 0x3C00, 0x3DFF, 1), ("ADDLW", 0x3E00, 0x3FFF, 1),
     ],
-)
+)  # fmt: skip
 def test_ignored_bits_do_not_change_the_instruction(mnemonic: str, first: int, last: int, step: int) -> None:
     for word in range(first, last + 1, step):
         found = decode(word)
@@ -200,18 +196,12 @@ def test_assemblers_write_clrw_as_0103() -> None:
 @pytest.mark.parametrize(
     ("mnemonic", "operands", "word"),
     [
-        ("ADDWF", {"f": 0x20, "d": 0}, 0x0720),
-        ("ADDWF", {"f": 0x7F, "d": 1}, 0x07FF),
-        ("BSF", {"f": 0x03, "b": 5}, 0x1683),
-        ("BTFSS", {"f": 0x06, "b": 7}, 0x1F86),
-        ("CALL", {"k": 0x123}, 0x2123),
-        ("GOTO", {"k": 0x7FF}, 0x2FFF),
-        ("MOVLW", {"k": 0x55}, 0x3055),
-        ("RETLW", {"k": 0xAA}, 0x34AA),
-        ("TRIS", {"f": 6}, 0x0066),
-        ("RETFIE", {}, 0x0009),
+        ("ADDWF", {"f": 0x20, "d": 0}, 0x0720), ("ADDWF", {"f": 0x7F, "d": 1}, 0x07FF),
+        ("BSF", {"f": 0x03, "b": 5}, 0x1683), ("BTFSS", {"f": 0x06, "b": 7}, 0x1F86),
+        ("CALL", {"k": 0x123}, 0x2123), ("GOTO", {"k": 0x7FF}, 0x2FFF), ("MOVLW", {"k": 0x55}, 0x3055),
+        ("RETLW", {"k": 0xAA}, 0x34AA), ("TRIS", {"f": 6}, 0x0066), ("RETFIE", {}, 0x0009),
     ],
-)
+)  # fmt: skip
 def test_words_are_encoded_as_the_data_sheet_draws_them(
     mnemonic: str, operands: dict[str, int], word: int
 ) -> None:

@@ -13,37 +13,21 @@ def test_an_assembly_lists_each_line_with_its_words() -> None:
         "; wait\n list p=16f84\n cblock 0x0C\n n:2\n endc\nagain decfsz n, f\n goto again\n dt 1, 2\n end\n"
     )
     assert listing_text(assemble(source, "a.asm").listing).splitlines() == [
-        "4 of 1024 program words",
-        "",
-        "addr  word  cycles  instruction",
-        "a.asm:",
+        "4 of 1024 program words", "", "addr  word  cycles  instruction", "a.asm:",
         "                           1: ; wait",
         "                           2:  list p=16f84",
-        "                           3:  cblock 0x0C",
-        "                           4:  n:2",
+        "                           3:  cblock 0x0C", "                           4:  n:2",
         "                           5:  endc",
         "                           6: again decfsz n, f",
-        "0000  0B8C  1(2)    DECFSZ 0x0C, F",
-        "                           7:  goto again",
-        "0001  2800  2       GOTO 0x000",
-        "                           8:  dt 1, 2",
-        "0002  3401  2       RETLW 0x01",
-        "0003  3402  2       RETLW 0x02",
-        "",
+        "0000  0B8C  1(2)    DECFSZ 0x0C, F", "                           7:  goto again",
+        "0001  2800  2       GOTO 0x000", "                           8:  dt 1, 2",
+        "0002  3401  2       RETLW 0x01", "0003  3402  2       RETLW 0x02", "",
         "function  start  words  bytes of RAM  deepest calls  cycles",
         "again     0000       4             0              0  unknown",
-        "",
-        "addr  bytes  variable",
-        "000C      2  n",
-        "2 of 68 bytes of RAM",
-        "",
-        "0000              XX--",
-        "0010  ----------------",
-        "0020  ----------------",
-        "0030  ----------------",
-        "0040  ----------------",
-        "X used, - free",
-    ]
+        "", "addr  bytes  variable", "000C      2  n", "2 of 68 bytes of RAM", "", "0000              XX--",
+        "0010  ----------------", "0020  ----------------", "0030  ----------------",
+        "0040  ----------------", "X used, - free",
+    ]  # fmt: skip
 
 
 def routines(source: str) -> list[tuple[str, int, int]]:
@@ -97,13 +81,9 @@ def test_a_line_is_shown_again_when_code_comes_back_to_it() -> None:
     rows = tuple(ListingRow(address, 0, "NOP", "1", "m.c", line) for address, line in enumerate((2, 1, 1)))
     text = listing_text(Listing(rows, sources=(("m.c", "a\nb\n"),))).splitlines()
     assert [line.strip() for line in text[4:10]] == [
-        "1: a",
-        "2: b",
-        "0000  0000  1       NOP",
-        "1: a",
-        "0001  0000  1       NOP",
+        "1: a", "2: b", "0000  0000  1       NOP", "1: a", "0001  0000  1       NOP",
         "0002  0000  1       NOP",
-    ]
+    ]  # fmt: skip
 
 
 def test_the_same_values_make_the_same_text() -> None:

@@ -98,12 +98,8 @@ def test_the_heading_counts_words_and_warns_of_protection() -> None:
         "; PIC16F84A: 2 of 1024 program words",
         "; registers have their bank 0 names; the comment says what they are when RP0 is 1",
         "; CODE PROTECTED: once programmed, the chip does not let this program be read back",
-        "",
-        "        list p=16f84a",
-        "        include <p16f84a.inc>",
-        "        radix hex",
-        "",
-    ]
+        "", "        list p=16f84a", "        include <p16f84a.inc>", "        radix hex", "",
+    ]  # fmt: skip
     assert lines[-1] == "        end"
 
 
@@ -149,17 +145,7 @@ def test_the_map_of_ram_marks_each_of_the_68_bytes() -> None:
         (), variables=((0x0C, "first", 1), (0x1F, "two", 2), (0x4F, "last", 1), (0x4F, "same", 1))
     )
     assert listing_text(listing).splitlines()[4:] == [
-        "addr  bytes  variable",
-        "000C      1  first",
-        "001F      2  two",
-        "004F      1  last",
-        "004F      1  same",
-        "4 of 68 bytes of RAM",
-        "",
-        "0000              X---",
-        "0010  ---------------X",
-        "0020  X---------------",
-        "0030  ----------------",
-        "0040  ---------------X",
-        "X used, - free",
-    ]
+        "addr  bytes  variable", "000C      1  first", "001F      2  two", "004F      1  last",
+        "004F      1  same", "4 of 68 bytes of RAM", "", "0000              X---", "0010  ---------------X",
+        "0020  X---------------", "0030  ----------------", "0040  ---------------X", "X used, - free",
+    ]  # fmt: skip

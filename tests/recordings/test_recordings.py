@@ -99,27 +99,18 @@ def test_the_beginning_of_a_recording_ends_as_the_whole_passes_there(tmp_path: P
 @pytest.mark.parametrize(
     ("document", "key", "message"),
     [
-        (
-            {"joint_names": ["a"], "points": [POINT, {"positions": [1, 2]}]},
-            "points[1].time_from_start",
-            "None is not",
-        ),
-        (
-            {"joint_names": ["a"], "points": [{**POINT, "positions": [1, 2]}]},
-            "points[0].positions",
-            "it has 2",
-        ),
-        (
-            {"joint_names": ["a"], "points": [{**POINT, "positions": ["x"]}]},
-            "points[0].positions[0]",
-            "'x' is not",
-        ),
+        ({"joint_names": ["a"], "points": [POINT, {"positions": [1, 2]}]}, "points[1].time_from_start",
+            "None is not"),
+        ({"joint_names": ["a"], "points": [{**POINT, "positions": [1, 2]}]}, "points[0].positions",
+            "it has 2"),
+        ({"joint_names": ["a"], "points": [{**POINT, "positions": ["x"]}]}, "points[0].positions[0]",
+            "'x' is not"),
         ({"trajectory": {"joint_names": [1], "points": []}}, "trajectory.joint_names", "a list of names"),
         ({"joint_names": ["a"], "points": 3}, "points", "a list of points"),
         ({"names": []}, "joint_names", "has no joint_names"),
         ([1, 2], "joint_names", "has no joint_names"),
     ],
-)
+)  # fmt: skip
 def test_a_wrong_message_is_told_with_its_key(
     tmp_path: Path, document: object, key: str, message: str
 ) -> None:

@@ -161,12 +161,8 @@ def test_an_arm_like_another_keeps_all_that_its_file_does_not_state() -> None:
         model.dimensions,
     )
     assert (found.closed_form, found.orientation, found.base, found.tool, found.payload) == (
-        model.closed_form,
-        model.orientation,
-        model.base,
-        model.tool,
-        model.payload,
-    )
+        model.closed_form, model.orientation, model.base, model.tool, model.payload,
+    )  # fmt: skip
     own = read(
         LIKE
         + 'title = "T"\nsource = "S"\npayload_g = 300\n[lengths_mm]\nd1 = 350\n'

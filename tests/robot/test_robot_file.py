@@ -64,12 +64,8 @@ def test_a_users_arm_is_what_its_file_says() -> None:
         (radians(-90), radians(45), radians(10), radians(60))
     )
     assert (slide.kind, slide.lower, slide.upper, slide.home, slide.speed) == (
-        "sliding",
-        0.01,
-        0.03,
-        0.01,
-        None,
-    )
+        "sliding", 0.01, 0.03, 0.01, None,
+    )  # fmt: skip
     assert found.rows[0].d == Length((("l1", 1.0),))
     assert found.rows[1].a == Length((("l2", -1.0),), 0.0055)
     assert found.rows[1].a.value(found.length) == pytest.approx(-0.075)

@@ -30,17 +30,9 @@ def arm(**choices: object) -> Servo:
 
 # angle, width of BENT; the first and the last are beyond its ends: on the lines of the nearest segments
 ON_BENT = [
-    (-0.5, 800.0),
-    (0.0, 1000.0),
-    (0.25, 1100.0),
-    (1.0, 1400.0),
-    (1.5, 1550.0),
-    (2.5, 1850.0),
-    (3.0, 2000.0),
-    (3.5, 2050.0),
-    (4.0, 2100.0),
-    (5.0, 2200.0),
-]
+    (-0.5, 800.0), (0.0, 1000.0), (0.25, 1100.0), (1.0, 1400.0), (1.5, 1550.0), (2.5, 1850.0), (3.0, 2000.0),
+    (3.5, 2050.0), (4.0, 2100.0), (5.0, 2200.0),
+]  # fmt: skip
 
 
 def test_a_width_is_on_the_line_of_its_segment_and_back() -> None:
@@ -328,10 +320,6 @@ def test_what_a_model_does_not_state_is_not_known() -> None:
     mount = Mount("m", 1.0, 2.0)
     assert (mount.z, mount.heading, mount.mirrored) == (0.0, 0.0, False)
     assert (TWO.payload, TWO.closed_form, TWO.orientation, TWO.base, TWO.tool) == (
-        0.0,
-        None,
-        (),
-        FixedFrame(),
-        FixedFrame(),
-    )
+        0.0, None, (), FixedFrame(), FixedFrame(),
+    )  # fmt: skip
     assert isinstance(BENT, Calibration)

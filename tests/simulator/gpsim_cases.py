@@ -95,115 +95,54 @@ BARRED = "".join(
 )
 
 DIFFERENCES = (
-    Case(
-        "TMR0 after a write",
-        "DS30430 figure 6-2: NT0 is read in three cycles, then NT0 + 1",
-        f"{CLEAR}{option(0x88)} movlw 10\n movwf TMR0\n{stored('movf TMR0, w', 4)}{STANDS}",
-        (10, 10, 12, 14),
-    ),
-    Case(
-        "T0IF, polled",
+    Case("TMR0 after a write", "DS30430 figure 6-2: NT0 is read in three cycles, then NT0 + 1",
+        f"{CLEAR}{option(0x88)} movlw 10\n movwf TMR0\n{stored('movf TMR0, w', 4)}{STANDS}", (10, 10, 12,
+        14)),
+    Case("T0IF, polled",
         "DS30430 figure 6-4, note 4: F0h + 16 counts from the write's cycle + 3 on, and one cycle ahead: 18",
-        CLEAR + option(0x88) + "".join(flag_after(16 + n, n) for n in range(5)) + STANDS,
-        (0, 0, 4, 4, 4),
-    ),
-    Case(
-        "the prescaler when OPTION_REG is written",
+        CLEAR + option(0x88) + "".join(flag_after(16 + n, n) for n in range(5)) + STANDS, (0, 0, 4, 4, 4)),
+    Case("the prescaler when OPTION_REG is written",
         "DS35007 section 5.2: only writes of TMR0 clear it; 7 counts before, then 1:8: 8 at the first read",
-        f"{CLEAR}{option(0x83)} clrf TMR0\n"
-        + " nop\n" * 6
-        + option(0x82)
-        + stored("movf TMR0, w", 8)
-        + STANDS,
-        (1, 1, 1, 1, 2, 2, 2, 2),
-    ),
-    Case(
-        "the watchdog when OPTION_REG is written",
-        "DS35007 section 6.10.1: CLRWDT and SLEEP clear it",
-        timed_out(" movlw 1\n", f"again\n{option(0x88)} goto again\n"),
-        (1,),
-        60_000,
-        WATCHDOG_ON,
-    ),
-    Case(
-        "STATUS as the destination of INCF, RLF and CLRF",
+        f"{CLEAR}{option(0x83)} clrf TMR0\n" + " nop\n" * 6 + option(0x82) + stored("movf TMR0, w",
+        8) + STANDS, (1, 1, 1, 1, 2, 2, 2, 2)),
+    Case("the watchdog when OPTION_REG is written", "DS35007 section 6.10.1: CLRWDT and SLEEP clear it",
+        timed_out(" movlw 1\n", f"again\n{option(0x88)} goto again\n"), (1, ), 60_000, WATCHDOG_ON),
+    Case("STATUS as the destination of INCF, RLF and CLRF",
         "DS35007 section 2.3.1: C, DC and Z are not written, and CLRF leaves 000u u1uu",
         f"{CLEAR} movlw 0\n movwf STATUS\n incf STATUS, f\n movf STATUS, w\n movwf 0x20\n"
         " movlw 2\n movwf STATUS\n rlf STATUS, f\n movf STATUS, w\n bcf STATUS, RP0\n movwf 0x21\n"
-        f" movlw 7\n movwf STATUS\n clrf STATUS\n movf STATUS, w\n movwf 0x22\n{STANDS}",
-        (0x18, 0x3A, 0x1F),
-    ),
-    Case(
-        "TMR0 after a watchdog reset",
-        "DS35007 table 6-4: unchanged; 18 000 cycles by 1:256 are 70",
-        timed_out(" movf TMR0, w\n", f"{option(0x87)} clrf TMR0\n{STANDS}"),
-        (70,),
-        60_000,
-        WATCHDOG_ON,
-        halts=1,
-    ),
-    Case(
-        "RBIF, cleared while RB4 differs from what was read",
+        f" movlw 7\n movwf STATUS\n clrf STATUS\n movf STATUS, w\n movwf 0x22\n{STANDS}", (0x18, 0x3A, 0x1F)),
+    Case("TMR0 after a watchdog reset", "DS35007 table 6-4: unchanged; 18 000 cycles by 1:256 are 70",
+        timed_out(" movf TMR0, w\n", f"{option(0x87)} clrf TMR0\n{STANDS}"), (70, ), 60_000, WATCHDOG_ON,
+        halts=1),
+    Case("RBIF, cleared while RB4 differs from what was read",
         "DS35007 section 4.2: a mismatch continues to set it",
-        PORT_B_READ + " nop\n" * 60 + " bcf INTCON, RBIF\n" + stored("movf INTCON, w", 2) + STANDS,
-        (1, 1),
-        rb4=((50, 1),),
-    ),
-    Case(
-        "halt at a watchdog reset",
-        "DS35007 section 6.3: the program starts again",
-        timed_out(" movlw 1\n", f"{option(0x88)}{STANDS}"),
-        (1,),
-        60_000,
-        WATCHDOG_ON,
-    ),
-    Case(
-        "halt at a CALL with a full stack",
-        "DS35007 section 2.4.1: the ninth push writes over the first",
-        CLEAR + "".join(f" call n{n}\nn{n}\n" for n in range(9)) + f" movlw 1\n movwf 0x20\n{STANDS}",
-        (1,),
-    ),
-    Case(
-        "RETFIE while a flag is set",
+        PORT_B_READ + " nop\n" * 60 + " bcf INTCON, RBIF\n" + stored("movf INTCON, w", 2) + STANDS, (1, 1),
+        rb4=((50, 1), )),
+    Case("halt at a watchdog reset", "DS35007 section 6.3: the program starts again", timed_out(" movlw 1\n",
+        f"{option(0x88)}{STANDS}"), (1, ), 60_000, WATCHDOG_ON),
+    Case("halt at a CALL with a full stack", "DS35007 section 2.4.1: the ninth push writes over the first",
+        CLEAR + "".join(f" call n{n}\nn{n}\n" for n in range(9)) + f" movlw 1\n movwf 0x20\n{STANDS}", (1, )),
+    Case("RETFIE while a flag is set",
         "DS30430 figure 8-17: three cycles from sample to 0004h: INTCON written in c + 6, 0004h in c + 10, "
-        "RETFIE eight cycles later, 0004h again after four more",
-        SERVED_TWICE,
-        (7, 19, 0, 0, 0, 0, 0, 2),
-    ),
-    Case(
-        "BCF GIE in the cycle in which the flag is sampled",
+        "RETFIE eight cycles later, 0004h again after four more", SERVED_TWICE, (7, 19, 0, 0, 0, 0, 0, 2)),
+    Case("BCF GIE in the cycle in which the flag is sampled",
         "DS30430 figure 8-17: 18 cycles after TMR0 is written is too late, RETFIE sets GIE; a cycle before, "
         "T0IF is seen with GIE clear; a cycle after, the interrupt is over",
         f" goto main\n org 4\n bcf INTCON, T0IF\n retfie\nmain\n{CLEAR}{option(0x88)}"
-        f" movlw 0xA0\n movwf INTCON\n{BARRED}{STANDS}",
-        (0x20, 0x20, 0x24, 0xA0, 0x20, 0x20, 0x20, 0x20),
-    ),
-)
+        f" movlw 0xA0\n movwf INTCON\n{BARRED}{STANDS}", (0x20, 0x20, 0x24, 0xA0, 0x20, 0x20, 0x20, 0x20)),
+)  # fmt: skip
 
 AGREEMENTS = (
-    Case(
-        "RBIF after a change",
-        "DS35007 section 4.2",
-        PORT_B_READ + " nop\n" * 60 + stored("movf INTCON, w", 2) + STANDS,
-        (1, 1),
-        rb4=((50, 1),),
-    ),
-    Case(
-        "the prescaler, let alone",
+    Case("RBIF after a change", "DS35007 section 4.2", PORT_B_READ + " nop\n" * 60 + stored("movf INTCON, w",
+        2) + STANDS, (1, 1), rb4=((50, 1), )),
+    Case("the prescaler, let alone",
         "DS35007 section 5.2: reads 12, 14, 16 … cycles after the anchor, by 1:16",
-        f"{CLEAR}{option(0x83)} clrf TMR0\n" + " nop\n" * 14 + stored("movf TMR0, w", 8) + STANDS,
-        (0, 0, 1, 1, 1, 1, 1, 1),
-    ),
-    Case(
-        "a watchdog that is not cleared",
-        "DS35007 section 6.10",
-        timed_out(" movlw 1\n", f"{option(0x88)}{STANDS}"),
-        (1,),
-        60_000,
-        WATCHDOG_ON,
-        halts=1,
-    ),
-)
+        f"{CLEAR}{option(0x83)} clrf TMR0\n" + " nop\n" * 14 + stored("movf TMR0, w", 8) + STANDS, (0, 0, 1,
+        1, 1, 1, 1, 1)),
+    Case("a watchdog that is not cleared", "DS35007 section 6.10", timed_out(" movlw 1\n",
+        f"{option(0x88)}{STANDS}"), (1, ), 60_000, WATCHDOG_ON, halts=1),
+)  # fmt: skip
 
 
 def gpsim_version() -> str:

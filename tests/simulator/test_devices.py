@@ -326,19 +326,8 @@ def test_gpsims_eeprom_answers_the_same(tmp_path: Path) -> None:
     for at, last in ((0x013F, 0), (0x0100, 1)):
         more = ("take", "yes") * last
         steps += (
-            "start",
-            0xA0,
-            at >> 8,
-            at & 0xFF,
-            "note",
-            "stop",
-            "start",
-            0xA1,
-            *more,
-            "take",
-            "no",
-            "stop",
-        )
+            "start", 0xA0, at >> 8, at & 0xFF, "note", "stop", "start", 0xA1, *more, "take", "no", "stop",
+        )  # fmt: skip
     made = program(steps)
     chip = on_bus(steps, EEPROM24())
     chip.run(12_000)

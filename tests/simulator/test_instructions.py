@@ -192,19 +192,8 @@ def test_option_and_tris_write_w() -> None:
 
 def test_every_instruction_of_the_data_sheet_has_a_test_here() -> None:
     others = {
-        "BCF",
-        "BSF",
-        "BTFSC",
-        "BTFSS",
-        "CLRF",
-        "CLRW",
-        "MOVWF",
-        "NOP",
-        "CALL",
-        "GOTO",
-        "RETURN",
-        "RETLW",
-    }
+        "BCF", "BSF", "BTFSC", "BTFSS", "CLRF", "CLRW", "MOVWF", "NOP", "CALL", "GOTO", "RETURN", "RETLW",
+    }  # fmt: skip
     others |= {"RETFIE", "CLRWDT", "SLEEP"}
     assert {row.mnemonic for row in INSTRUCTIONS} == set(BYTE_ORIENTED) | set(LITERAL) | others
 

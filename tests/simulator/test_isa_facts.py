@@ -126,15 +126,11 @@ def test_the_simulator_reads_what_the_row_says(row: Opcode) -> None:
         mask = sum(FLAGS[flag] for flag in row.flags)
         by_input = {
             (each.w, each.f, each.status): (
-                each.w_after if row.writes_w(d) else None,
-                each.f_after if row.writes_file(d) else None,
-                each.status_after & mask,
-                each.pc,
-                each.cycles,
-                each.others,
+                each.w_after if row.writes_w(d) else None, each.f_after if row.writes_file(d) else None,
+                each.status_after & mask, each.pc, each.cycles, each.others,
             )
             for each in all_runs
-        }
+        }  # fmt: skip
         for (w, f, status), outcome in by_input.items():
             reads |= {"W" for other in W_VALUES if by_input[other, f, status] != outcome}
             reads |= {"f" for other in F_VALUES if by_input[w, other, status] != outcome}

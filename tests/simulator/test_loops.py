@@ -39,13 +39,9 @@ def test_regions_are_what_touches_only_w_flags_and_ram(source: str, heads: list[
 @pytest.mark.parametrize(
     ("source", "waits"),
     [
-        (" goto $\n", [0]),
-        ("l nop\n nop\n goto l\n", [2]),
-        ("l btfss INTCON, T0IF\n goto l\n", [0]),
-        ("l nop\n btfsc PORTB, 3\n goto l\n", [1]),
-        ("l btfss 0x20, 3\n goto l\n", [0]),
-        ("l btfss FSR, 3\n goto l\n", []),
-        ("l btfss TMR0, 3\n goto l\n", []),
+        (" goto $\n", [0]), ("l nop\n nop\n goto l\n", [2]), ("l btfss INTCON, T0IF\n goto l\n", [0]),
+        ("l nop\n btfsc PORTB, 3\n goto l\n", [1]), ("l btfss 0x20, 3\n goto l\n", [0]),
+        ("l btfss FSR, 3\n goto l\n", []), ("l btfss TMR0, 3\n goto l\n", []),
         ("l nop\n clrwdt\n goto l\n", [2]),
         ("l clrwdt\n btfss INTCON, T0IF\n goto l\n", [1]),
         ("l movf TMR0, w\n xorwf 0x20, w\n btfss STATUS, Z\n goto l\n", [3]),
@@ -54,7 +50,7 @@ def test_regions_are_what_touches_only_w_flags_and_ram(source: str, heads: list[
         ("l movf TMR0, w\n xorwf 0x20, w\n btfss STATUS, C\n goto l\n", []),
         ("l movf TMR0, w\n xorwf FSR, w\n btfss STATUS, Z\n goto l\n", []),
     ],
-)
+)  # fmt: skip
 def test_waits_are_what_sees_the_same_until_something_happens(source: str, waits: list[int]) -> None:
     assert marks(source)[1] == waits
 

@@ -48,13 +48,8 @@ def test_a_moment_is_rounded_to_the_nearest_cycle_and_a_half_up(cycles: Fraction
 
 def test_pins_are_found_by_name_in_any_case() -> None:
     assert [pin_number(name) for name in ("RA0", "ra4", "RB0", "rb7", "MCLR", "mclr")] == [
-        0,
-        4,
-        5,
-        12,
-        13,
-        13,
-    ]
+        0, 4, 5, 12, 13, 13,
+    ]  # fmt: skip
     with pytest.raises(InputError, match="there is no pin 'RB8'") as refused:
         pin_number("RB8")
     assert refused.value.code == "unknown-pin"

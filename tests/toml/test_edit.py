@@ -10,30 +10,21 @@ import pytest
 from servogen.toml.edit import append_element, move_element, remove_element, set_in_element, set_in_table
 
 CASES = {
-    "lines with comments": (
-        "[motion] # moves\nposes = [\n    { a = 1 },  # first\n    { a = 2 } # ä\n    # after\n]\nend = 1\n",
+    "lines with comments":
+        ("[motion] # moves\nposes = [\n    { a = 1 },  # first\n    { a = 2 } # ä\n    # after\n]\nend = 1\n",
         "[motion] # moves\nposes = [\n    { a = 1 },  # first\n    { a = 2 }, # ä\n    { a = 3 },\n"
-        "    # after\n]\nend = 1\n",
-    ),
-    "a trailing comma": (
-        "[motion]\nposes = [\n  { a = 1 },\n]",
-        "[motion]\nposes = [\n  { a = 1 },\n  { a = 3 },\n]",
-    ),
+        "    # after\n]\nend = 1\n"),
+    "a trailing comma": ("[motion]\nposes = [\n  { a = 1 },\n]",
+        "[motion]\nposes = [\n  { a = 1 },\n  { a = 3 },\n]"),
     "one line": ("[motion]\nposes = [{ a = 1 }] # x\n", "[motion]\nposes = [{ a = 1 }, { a = 3 }] # x\n"),
-    "one line with a comma": (
-        "[motion]\nposes = [{ a = 1 }, ]\n",
-        "[motion]\nposes = [{ a = 1 }, { a = 3 },]\n",
-    ),
+    "one line with a comma": ("[motion]\nposes = [{ a = 1 }, ]\n",
+        "[motion]\nposes = [{ a = 1 }, { a = 3 },]\n"),
     "nothing": ("[motion]\nposes = []\n", "[motion]\nposes = [{ a = 3 }]\n"),
-    "the end on the last line": (
-        "[motion]\nposes = [\n  { a = 1 },\n  { a = 2 }]\n",
-        "[motion]\nposes = [\n  { a = 1 },\n  { a = 2 },\n  { a = 3 },\n]\n",
-    ),
-    "after other signs": (
-        'x = "ß [ ] ="\n[motion]\n"poses" = [\n\t{ a = 1 },\n]\n',
-        'x = "ß [ ] ="\n[motion]\n"poses" = [\n\t{ a = 1 },\n\t{ a = 3 },\n]\n',
-    ),
-}
+    "the end on the last line": ("[motion]\nposes = [\n  { a = 1 },\n  { a = 2 }]\n",
+        "[motion]\nposes = [\n  { a = 1 },\n  { a = 2 },\n  { a = 3 },\n]\n"),
+    "after other signs": ('x = "ß [ ] ="\n[motion]\n"poses" = [\n\t{ a = 1 },\n]\n',
+        'x = "ß [ ] ="\n[motion]\n"poses" = [\n\t{ a = 1 },\n\t{ a = 3 },\n]\n'),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -140,24 +131,15 @@ def test_what_is_not_there_is_not_changed() -> None:
 
 A, B = '[[servo]]\nname = "a"\n', '[[servo]]\nname = "b"'
 TABLES = {
-    "the value of a key, before a comment": (
-        f"{A}zero = 90 # guess\n",
-        ("servo", 0),
-        f"{A}zero = 12.5 # guess\n",
-    ),
-    "a new key behind the last one and its comment": (
-        '[[servo]] # one\nname = "a" # left\n# next\n\n' + B,
-        ("servo", 0),
-        '[[servo]] # one\nname = "a" # left\nzero = 12.5\n# next\n\n' + B,
-    ),
+    "the value of a key, before a comment": (f"{A}zero = 90 # guess\n", ("servo", 0),
+        f"{A}zero = 12.5 # guess\n"),
+    "a new key behind the last one and its comment": ('[[servo]] # one\nname = "a" # left\n# next\n\n' + B, (
+        "servo", 0), '[[servo]] # one\nname = "a" # left\nzero = 12.5\n# next\n\n' + B),
     "the second of an array of tables": (A + B, ("servo", 1), f"{A}{B}\nzero = 12.5"),
-    "an inline table": (
-        "servo = [{ a = 1 }, { a = 2 }] # x\n",
-        ("servo", 1),
-        "servo = [{ a = 1 }, { a = 2, zero = 12.5 }] # x\n",
-    ),
+    "an inline table": ("servo = [{ a = 1 }, { a = 2 }] # x\n", ("servo", 1),
+        "servo = [{ a = 1 }, { a = 2, zero = 12.5 }] # x\n"),
     "a table without keys": ("[leg] # empty\n[x]\n", ("leg",), "[leg] # empty\nzero = 12.5\n[x]\n"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", TABLES)

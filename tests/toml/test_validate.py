@@ -49,11 +49,8 @@ def test_a_good_file_is_its_model() -> None:
         ("trim_us = -101", "-101 is out of range: at least -100 is allowed", "out-of-range"),
         ("trim_us = [3]", "[3] is not a number", "wrong-type"),
         ("count = 1.5", "1.5 is not a whole number", "wrong-type"),
-        (
-            "count = 4e6",
-            "4000000.0 is not a whole number\n  without a point and an exponent: 4_000_000",
-            "wrong-type",
-        ),
+        ("count = 4e6", "4000000.0 is not a whole number\n  without a point and an exponent: 4_000_000",
+            "wrong-type"),
         ("count = true", "true is not a whole number", "wrong-type"),
         ("reverse = 1", "1 is not true or false", "wrong-type"),
         ('kind = "c"', "\"c\" is not allowed here\n  allowed: 'a' or 'b'", "not-allowed"),
@@ -63,13 +60,10 @@ def test_a_good_file_is_its_model() -> None:
         ("trim = 3", "'trim' has no unit: write trim_us", "wrong-unit"),
         ("trim_ms = 3", "'trim_ms' is not given in ms: write trim_us = 3000", "wrong-unit"),
         ("revers = true", "unknown key 'revers'\n  did you mean 'reverse'?", "unknown-key"),
-        (
-            "colour = 1",
-            "unknown key 'colour'\n  known: count, kind, name, reverse, size_mm, trim_us",
-            "unknown-key",
-        ),
+        ("colour = 1", "unknown key 'colour'\n  known: count, kind, name, reverse, size_mm, trim_us",
+            "unknown-key"),
     ],
-)
+)  # fmt: skip
 def test_what_is_wrong_is_said_with_its_line(line: str, says: str, code: str) -> None:
     error = error_of(GOOD + line + "\n")
     message, _, hint = says.partition("\n  ")

@@ -55,20 +55,16 @@ def test_csv(tmp_path: Path, text: str, message: str) -> None:
         ('{"cycle":12,"pin":"RB0"}', r"a\.jsonl:3: error: has no 'level'"),
         ('{"cycle":12,"pin":"RB8","level":1}', r"a\.jsonl:3: error: pin 'RB8' is not allowed.*\n.*RB"),
         ('{"cycle":12,"pin":["RB0"],"level":1}', r"a\.jsonl:3: error: pin "),
-        (
-            '{"cycle":12,"pin":"RB0","level":"high"}',
-            r"a\.jsonl:3: error: level 'high' is not allowed.*\n.*0, 1, \"z\"",
-        ),
+        ('{"cycle":12,"pin":"RB0","level":"high"}',
+            r"a\.jsonl:3: error: level 'high' is not allowed.*\n.*0, 1, \"z\""),
         ('{"cycle":12.0,"pin":"RB0","level":1}', r"a\.jsonl:3: error: cycle 12.0"),
         ('{"cycle":-12,"pin":"RB0","level":1}', r"a\.jsonl:3: error: cycle -12"),
         ('{"cycle":true,"pin":"RB0","level":1}', r"a\.jsonl:3: error: cycle True"),
-        (
-            '{"cycle":1000000000000000000,"pin":"RB0","level":1}',
-            r"a\.jsonl:3: error: cycle 1000000000000000000",
-        ),
+        ('{"cycle":1000000000000000000,"pin":"RB0","level":1}',
+            r"a\.jsonl:3: error: cycle 1000000000000000000"),
         ('{"cycle":9,"pin":"RB0","level":1}', r"a\.jsonl:3: error: cycle 9 comes after cycle 10"),
     ],
-)
+)  # fmt: skip
 def test_jsonl(tmp_path: Path, line: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         join(read(tmp_path, "a.jsonl", GOOD_JSONL + line + "\n").chunks)

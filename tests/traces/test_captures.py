@@ -53,13 +53,8 @@ def test_a_sigrok_session_is_read_sample_by_sample_over_its_parts(tmp_path: Path
     first, second = samples((0x200, 7), (0x201, 5)), samples((0x201, 3), (0x002, 4), (0x003, 1))
     capture = read_capture(session(tmp_path / "a.sr", {"logic-1-2": second, "logic-1-1": first}))
     assert rows_of(capture) == [
-        (0, RB0, LOW),
-        (0, RB1, HIGH),
-        (7, RB0, HIGH),
-        (15, RB0, LOW),
-        (15, RB1, LOW),
-        (19, RB0, HIGH),
-    ]
+        (0, RB0, LOW), (0, RB1, HIGH), (7, RB0, HIGH), (15, RB0, LOW), (15, RB1, LOW), (19, RB0, HIGH),
+    ]  # fmt: skip
     assert (capture.trace.end, capture.trace.clock.hz, capture.sample) == (20, 6_000_000, 1)
     assert rows_of(capture) == rows_of(capture)
 
@@ -148,12 +143,8 @@ def test_saleae_csv_is_read_in_nanoseconds_from_its_first_row(tmp_path: Path) ->
     (tmp_path / "a.csv").write_text(SALEAE)
     capture = read_capture(tmp_path / "a.csv")
     assert rows_of(capture) == [
-        (0, RB0, LOW),
-        (0, RB1, HIGH),
-        (1500, RB0, HIGH),
-        (1_501_500, RB0, LOW),
-        (1_601_000, RB1, LOW),
-    ]
+        (0, RB0, LOW), (0, RB1, HIGH), (1500, RB0, HIGH), (1_501_500, RB0, LOW), (1_601_000, RB1, LOW),
+    ]  # fmt: skip
     assert (capture.trace.end, capture.trace.clock.hz, capture.sample) == (1_601_001, 4 * 10**9, None)
 
 

@@ -267,16 +267,10 @@ def read(tmp_path: Path, body: str, header: str = HEADER) -> EdgeTrace:
 @pytest.mark.parametrize(
     ("state", "level"),
     [
-        ("0", LOW),
-        ("l", LOW),
-        ("L", LOW),
-        ("1", HIGH),
-        ("h", HIGH),
-        ("H", HIGH),
-        ("z", UNDRIVEN),
+        ("0", LOW), ("l", LOW), ("L", LOW), ("1", HIGH), ("h", HIGH), ("H", HIGH), ("z", UNDRIVEN),
         ("Z", UNDRIVEN),
     ],
-)
+)  # fmt: skip
 def test_each_state_of_a_wire_has_a_level(tmp_path: Path, state: str, level: int) -> None:
     other = HIGH if level != HIGH else LOW
     trace = read(tmp_path, f"#0\n{other}!\n#5\n{state}!\n#6\nb{other} !\n#7\nb{state} !\n#8\n")

@@ -124,14 +124,8 @@ def test_the_caller_may_cut_a_trace_or_say_that_it_goes_on(tmp_path: Path, suffi
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_the_same_edges_give_the_same_bytes_whatever_the_chunks(tmp_path: Path, suffix: str) -> None:
     rows = [
-        (0, 5, LOW),
-        (0, 6, LOW),
-        (7, 5, HIGH),
-        (7, 6, HIGH),
-        (9, 5, LOW),
-        (9, 6, UNDRIVEN),
-        (12, 4, HIGH),
-    ]
+        (0, 5, LOW), (0, 6, LOW), (7, 5, HIGH), (7, 6, HIGH), (9, 5, LOW), (9, 6, UNDRIVEN), (12, 4, HIGH),
+    ]  # fmt: skip
     written = set()
     for cut in range(len(rows) + 1):
         write_edges(trace_of(rows, MHZ4, 5, cut), tmp_path / f"a{suffix}")
@@ -200,9 +194,5 @@ def test_a_clock_that_does_not_divide_is_written_in_ps_with_its_error(tmp_path: 
     text = (tmp_path / "a.vcd").read_text()
     assert "at most 0.333 ps off" in text
     assert [line for line in text.splitlines() if line.startswith("#")] == [
-        "#0",
-        "#1333333",
-        "#2666667",
-        "#4000000000000",
-        "#4000001333333",
-    ]
+        "#0", "#1333333", "#2666667", "#4000000000000", "#4000001333333",
+    ]  # fmt: skip

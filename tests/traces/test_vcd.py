@@ -79,16 +79,10 @@ def test_a_name_that_vcd_cannot_hold_gets_underscores() -> None:
 @pytest.mark.parametrize(
     ("name", "pin"),
     [
-        ("RB0", "RB0"),
-        ("rb0", "RB0"),
-        ("RB0_arm", "RB0"),
-        ("servo_RB7", "RB7"),
-        ("PORTB[3]", "RB3"),
-        ("PORTA_4", "RA4"),
-        ("RB [5]", "RB5"),
-        ("RB1_ra2", "RB1"),  # the servo is called ra2
+        ("RB0", "RB0"), ("rb0", "RB0"), ("RB0_arm", "RB0"), ("servo_RB7", "RB7"), ("PORTB[3]", "RB3"),
+        ("PORTA_4", "RA4"), ("RB [5]", "RB5"), ("RB1_ra2", "RB1"),  # the servo is called ra2
     ],
-)
+)  # fmt: skip
 def test_a_wire_is_found_by_the_pin_in_its_name(tmp_path: Path, name: str, pin: str) -> None:
     trace = read(tmp_path, HEADER.replace("RB0", name) + "#0\n0!\n#7\n1!\n#9\n")
     assert rows_of(trace) == [(0, PINS.index(pin), LOW), (7, PINS.index(pin), HIGH)]

@@ -108,17 +108,13 @@ def test_every_operator_of_two_variables(op: str, size: int, layout: str) -> Non
         # on top MOVF a,W; BTFSC C; ADDLW 1; ADDWF b,W; MOVWF t
         ("+", "apart", (3, 8, 14, 20)),
         # MOVF b,W; ADDWF a,F, above it MOVF b,W; BTFSC C; INCFSZ b,W; ADDWF a,F
-        ("+", "left", (2, 6, 10, 14)),
-        ("+", "right", (2, 6, 10, 14)),
-        ("-", "apart", (3, 8, 14, 20)),
+        ("+", "left", (2, 6, 10, 14)), ("+", "right", (2, 6, 10, 14)), ("-", "apart", (3, 8, 14, 20)),
         ("-", "left", (2, 6, 10, 14)),
         # the subtrahend is still needed: three bytes or more go through a temporary
-        ("-", "right", (3, 8, 20, 28)),
-        ("&", "apart", (3, 6, 9, 12)),
-        ("|", "left", (2, 4, 6, 8)),
+        ("-", "right", (3, 8, 20, 28)), ("&", "apart", (3, 6, 9, 12)), ("|", "left", (2, 4, 6, 8)),
         ("^", "right", (2, 4, 6, 8)),
     ],
-)
+)  # fmt: skip
 def test_the_words_of_an_operator(op: str, layout: str, words: tuple[int, ...]) -> None:
     assert tuple(operation(op, *LAYOUTS[layout], size).words for size in (1, 2, 3, 4)) == words
 
@@ -152,42 +148,26 @@ def test_every_operator_of_a_variable_and_a_constant(op: str, size: int, target:
 @every(
     ("target", "size", "constant", "expected"),
     [
-        (A, 1, 1, "INCF ga,F"),
-        (A, 1, 255, "DECF ga,F"),
-        (T, 1, 1, "INCF ga,W; MOVWF gt"),
-        (T, 1, 255, "DECF ga,W; MOVWF gt"),
-        (A, 1, 2, "MOVLW 2; ADDWF ga,F"),
+        (A, 1, 1, "INCF ga,F"), (A, 1, 255, "DECF ga,F"), (T, 1, 1, "INCF ga,W; MOVWF gt"),
+        (T, 1, 255, "DECF ga,W; MOVWF gt"), (A, 1, 2, "MOVLW 2; ADDWF ga,F"),
         (T, 1, 254, "MOVLW 254; ADDWF ga,W; MOVWF gt"),
-        (A, 1, 0, ""),
-        (T, 1, 0, "MOVF ga,W; MOVWF gt"),
-        (A, 2, 1, "INCF ga,F; BTFSC Z; INCF ga+1,F"),
+        (A, 1, 0, ""), (T, 1, 0, "MOVF ga,W; MOVWF gt"), (A, 2, 1, "INCF ga,F; BTFSC Z; INCF ga+1,F"),
         (A, 2, 0xFFFF, "MOVF ga,F; BTFSC Z; DECF ga+1,F; DECF ga,F"),
-        (A, 2, 0x0100, "INCF ga+1,F"),
-        (A, 2, 0xFF00, "DECF ga+1,F"),
+        (A, 2, 0x0100, "INCF ga+1,F"), (A, 2, 0xFF00, "DECF ga+1,F"),
         (T, 2, 0x0100, "MOVF ga,W; MOVWF gt; INCF ga+1,W; MOVWF gt+1"),
         (A, 2, 0x0034, "MOVLW 52; ADDWF ga,F; BTFSC C; INCF ga+1,F"),
         (A, 2, 0xFF34, "MOVLW 52; ADDWF ga,F; BTFSS C; DECF ga+1,F"),
         (A, 2, 0x1234, "MOVLW 52; ADDWF ga,F; MOVLW 18; BTFSC C; MOVLW 19; ADDWF ga+1,F"),
-        (
-            T,
-            2,
-            0x0034,
-            "MOVLW 52; ADDWF ga,W; MOVWF gt; MOVLW 0; BTFSC C; MOVLW 1; ADDWF ga+1,W; MOVWF gt+1",
-        ),
+        (T, 2, 0x0034, "MOVLW 52; ADDWF ga,W; MOVWF gt; MOVLW 0; BTFSC C; MOVLW 1; ADDWF ga+1,W; MOVWF gt+1"),
         (A, 3, 1, "INCF ga,F; BTFSC Z; INCF ga+1,F; BTFSC Z; INCF ga+2,F"),
         (A, 3, 0xFFFFFF, "MOVLW 1; SUBWF ga,F; BTFSS C; SUBWF ga+1,F; BTFSS C; DECF ga+2,F"),
         (A, 3, 0x34, "MOVLW 52; ADDWF ga,F; MOVLW 1; BTFSC C; ADDWF ga+1,F; BTFSC C; INCF ga+2,F"),
         (A, 3, 0xFF34, "MOVLW 52; ADDWF ga,F; MOVLW 255; BTFSS C; ADDWF ga+1,F; BTFSC C; INCF ga+2,F"),
-        (
-            A,
-            3,
-            0x561234,
-            "MOVLW 52; ADDWF ga,F; MOVLW 18; BTFSC C; MOVLW 19; ADDWF ga+1,F;"
-            "MOVLW 86; BTFSC C; MOVLW 87; ADDWF ga+2,F",
-        ),
+        (A, 3, 0x561234, "MOVLW 52; ADDWF ga,F; MOVLW 18; BTFSC C; MOVLW 19; ADDWF ga+1,F;"
+            "MOVLW 86; BTFSC C; MOVLW 87; ADDWF ga+2,F"),
         (A, 4, 0xFFFFFF00, "MOVLW 1; SUBWF ga+1,F; BTFSS C; SUBWF ga+2,F; BTFSS C; DECF ga+3,F"),
     ],
-)
+)  # fmt: skip
 def test_a_constant_is_added_in_the_shortest_form(
     target: str, size: int, constant: int, expected: str
 ) -> None:
@@ -346,26 +326,16 @@ def test_values_of_which_both_have_a_constant_byte_are_compared() -> None:
 @every(
     ("op", "target", "constant", "expected"),
     [
-        ("&", A, 0xFF, ""),
-        ("|", A, 0, ""),
-        ("^", A, 0, ""),
-        ("&", T, 0xFF, "MOVF ga,W; MOVWF gt"),
-        ("&", A, 0, "CLRF ga"),
-        ("|", A, 0xFF, "MOVLW 255; MOVWF ga"),
-        ("^", A, 0xFF, "COMF ga,F"),
-        ("^", T, 0xFF, "COMF ga,W; MOVWF gt"),
-        ("|", A, 0x01, "BSF ga,0"),
-        ("|", A, 0x80, "BSF ga,7"),
+        ("&", A, 0xFF, ""), ("|", A, 0, ""), ("^", A, 0, ""), ("&", T, 0xFF, "MOVF ga,W; MOVWF gt"),
+        ("&", A, 0, "CLRF ga"), ("|", A, 0xFF, "MOVLW 255; MOVWF ga"), ("^", A, 0xFF, "COMF ga,F"),
+        ("^", T, 0xFF, "COMF ga,W; MOVWF gt"), ("|", A, 0x01, "BSF ga,0"), ("|", A, 0x80, "BSF ga,7"),
         ("|", A, 0x81, "MOVLW 129; IORWF ga,F"),
         ("|", T, 0x80, "MOVF ga,W; IORLW 128; MOVWF gt"),
-        ("&", A, 0xFE, "BCF ga,0"),
-        ("&", A, 0x7F, "BCF ga,7"),
-        ("&", A, 0x7E, "MOVLW 126; ANDWF ga,F"),
+        ("&", A, 0xFE, "BCF ga,0"), ("&", A, 0x7F, "BCF ga,7"), ("&", A, 0x7E, "MOVLW 126; ANDWF ga,F"),
         ("&", T, 0x7F, "MOVF ga,W; ANDLW 127; MOVWF gt"),
-        ("^", A, 0x80, "MOVLW 128; XORWF ga,F"),
-        ("&", "vt", 0, "CLRF vt"),
+        ("^", A, 0x80, "MOVLW 128; XORWF ga,F"), ("&", "vt", 0, "CLRF vt"),
     ],
-)
+)  # fmt: skip
 def test_a_constant_mask_takes_the_shortest_form(op: str, target: str, constant: int, expected: str) -> None:
     wanted = [each.strip() for each in expected.split(";") if each]
     assert operation(op, target, A, constant, 1).texts == wanted

@@ -136,27 +136,19 @@ def test_what_lies_far_below_the_last_place_decides_at_a_half(kind: str, op: str
 @every(
     ("kind", "left", "right"),
     [
-        ("float_add", "infinity", "-infinity"),
-        ("float_add", "1", "other"),
-        ("float_multiply", "0", "infinity"),
-        ("float_divide", "0", "0"),
-        ("float_divide", "other", "1"),
-        ("float_square_root", "-infinity", ""),
-        ("float_square_root", "other", ""),
+        ("float_add", "infinity", "-infinity"), ("float_add", "1", "other"),
+        ("float_multiply", "0", "infinity"), ("float_divide", "0", "0"), ("float_divide", "other", "1"),
+        ("float_square_root", "-infinity", ""), ("float_square_root", "other", ""),
     ],
-)
+)  # fmt: skip
 def test_what_is_not_a_number_has_one_form(kind: str, left: str, right: str, size: int) -> None:
     """The greatest exponent and the highest bit of the mantissa, as IEEE 754 recommends for a quiet NaN."""
     stored = 8 * size - 9
     infinity = 255 << stored
     numbers = {
-        "": 0,
-        "0": 0,
-        "1": 127 << stored,
-        "infinity": infinity,
-        "-infinity": infinity | 1 << 8 * size - 1,
+        "": 0, "0": 0, "1": 127 << stored, "infinity": infinity, "-infinity": infinity | 1 << 8 * size - 1,
         "other": infinity + 0x0100,
-    }
+    }  # fmt: skip
     library = FloatLibrary()
     routine = library(kind, (size,))
     chip = library.chip()

@@ -22,24 +22,16 @@ def holds(behind: str, dividend: str = "ga", divisor: str | int = "gb", *, index
 @every(
     ("behind", "kept"),
     [
-        ("NOP", True),
-        ("MOVF gc,W; MOVWF gd; INCF gd,F", True),
-        ("MOVF ga,W; ADDWF gb,W", True),
+        ("NOP", True), ("MOVF gc,W; MOVWF gd; INCF gd,F", True), ("MOVF ga,W; ADDWF gb,W", True),
         # a write to an operand
-        ("MOVWF ga", False),
-        ("INCF gb,F", False),
-        ("MOVWF gc; MOVWF ga; MOVWF gd", False),
+        ("MOVWF ga", False), ("INCF gb,F", False), ("MOVWF gc; MOVWF ga; MOVWF gd", False),
         ("MOVWF ga+1", True),
         # a call, a delay, assembly
-        ("CALL g", False),
-        ("DELAY 9", False),
-        ("*NOP", False),
+        ("CALL g", False), ("DELAY 9", False), ("*NOP", False),
         # through a pointer, which may lead anywhere
-        ("MOVWF FSR; MOVF INDF,W", True),
-        ("MOVWF FSR; MOVWF INDF", False),
-        ("MOVWF INDF", False),
+        ("MOVWF FSR; MOVF INDF,W", True), ("MOVWF FSR; MOVWF INDF", False), ("MOVWF INDF", False),
     ],
-)
+)  # fmt: skip
 def test_what_ends_a_division(behind: str, kept: bool) -> None:
     assert holds(behind) == kept
     assert holds(behind, divisor=7) == (kept or behind == "INCF gb,F")

@@ -67,21 +67,12 @@ def binary(op: str, left: Expr, right: Expr, kind: IntType = U16) -> Binary:
 @every(
     ("low", "high", "expected"),
     [
-        (0, 0, (1, False)),
-        (0, 255, (1, False)),
-        (0, 256, (2, False)),
-        (0, 65535, (2, False)),
-        (0, 65536, (3, False)),
-        (0, 1 << 24, (4, False)),
-        (-1, 0, (1, True)),
-        (-128, 127, (1, True)),
-        (-129, 0, (2, True)),
-        (-1, 128, (2, True)),
-        (-32768, 32767, (2, True)),
-        (-32769, 0, (3, True)),
+        (0, 0, (1, False)), (0, 255, (1, False)), (0, 256, (2, False)), (0, 65535, (2, False)),
+        (0, 65536, (3, False)), (0, 1 << 24, (4, False)), (-1, 0, (1, True)), (-128, 127, (1, True)),
+        (-129, 0, (2, True)), (-1, 128, (2, True)), (-32768, 32767, (2, True)), (-32769, 0, (3, True)),
         (-1, 32768, (3, True)),
     ],
-)
+)  # fmt: skip
 def test_the_narrowest_width(low: int, high: int, expected: tuple[int, bool]) -> None:
     assert width_of(low, high) == expected
 
@@ -123,28 +114,13 @@ def test_how_a_division_is_computed(
 @every(
     ("op", "divisor", "size", "bits"),
     [
-        ("/", 1, 2, 0),
-        ("/", 2, 1, 1),
-        ("/", 64, 1, 6),
-        ("/", 128, 1, 0),
-        ("/", 2, 2, 1),
-        ("/", 128, 2, 7),
-        ("/", 256, 2, 8),
-        ("/", 16384, 2, 14),
-        ("/", 32768, 2, 0),
+        ("/", 1, 2, 0), ("/", 2, 1, 1), ("/", 64, 1, 6), ("/", 128, 1, 0), ("/", 2, 2, 1), ("/", 128, 2, 7),
+        ("/", 256, 2, 8), ("/", 16384, 2, 14), ("/", 32768, 2, 0),
         # 24 words of shifts at most: a byte more than the operand for each bit
-        ("/", 128, 3, 0),
-        ("/", 64, 3, 6),
-        ("/", 16, 4, 4),
-        ("/", 32, 4, 0),
-        ("/", 256, 4, 8),
-        ("/", 3, 2, 0),
-        ("/", 6, 2, 0),
-        ("/", -2, 2, 0),
-        ("/", 0, 2, 0),
-        ("%", 4, 2, 0),
+        ("/", 128, 3, 0), ("/", 64, 3, 6), ("/", 16, 4, 4), ("/", 32, 4, 0), ("/", 256, 4, 8), ("/", 3, 2, 0),
+        ("/", 6, 2, 0), ("/", -2, 2, 0), ("/", 0, 2, 0), ("%", 4, 2, 0),
     ],
-)
+)  # fmt: skip
 def test_when_a_signed_division_is_a_shift(op: str, divisor: int, size: int, bits: int) -> None:
     assert halvings(binary(op, ref(kind=S16), num(divisor, S16), S16), size) == bits
 
@@ -232,21 +208,14 @@ def wrapped(inner: Expr) -> list[Expr]:
     """Expressions that evaluate another one, in each of their operands."""
     plain = num(1)
     return [
-        Cast(inner, U8, AT),
-        Unary("-", inner, U8, AT),
-        binary("+", inner, plain),
-        binary("+", plain, inner),
-        Logic("&&", inner, plain, U8, AT),
-        Logic("||", plain, inner, U8, AT),
-        Comma(inner, plain, U8, AT),
-        Comma(plain, inner, U8, AT),
-        Choice(inner, plain, plain, U8, AT),
-        Choice(plain, inner, plain, U8, AT),
+        Cast(inner, U8, AT), Unary("-", inner, U8, AT), binary("+", inner, plain), binary("+", plain, inner),
+        Logic("&&", inner, plain, U8, AT), Logic("||", plain, inner, U8, AT), Comma(inner, plain, U8, AT),
+        Comma(plain, inner, U8, AT), Choice(inner, plain, plain, U8, AT), Choice(plain, inner, plain, U8, AT),
         Choice(plain, plain, inner, U8, AT),
         Ref(Symbol("a", U8, "global"), 0, inner, U8, AT),
         Deref(inner, 0, U8, AT),
         AddressOf(Ref(Symbol("a", U8, "global"), 0, inner, U8, AT), PointerType(U8), AT),
-    ]
+    ]  # fmt: skip
 
 
 @every("number", range(14))
@@ -334,19 +303,12 @@ def test_values_that_are_0_or_1() -> None:
 @every(
     ("op", "size", "alone", "not_alone"),
     [
-        ("+", 1, (0, 256), (1, 255)),
-        ("-", 2, (0, 65536), (256, 1)),
-        ("|", 1, (0,), (1,)),
-        ("^", 1, (0,), (255,)),
-        ("&", 1, (255, 511), (254, 0)),
-        ("&", 2, (65535,), (255, 65534)),
-        ("<<", 1, (0,), (1, 256)),
-        (">>", 1, (0,), (1,)),
-        ("*", 1, (1,), (0, 2, 257)),
-        ("/", 1, (1,), (2,)),
+        ("+", 1, (0, 256), (1, 255)), ("-", 2, (0, 65536), (256, 1)), ("|", 1, (0,), (1,)),
+        ("^", 1, (0,), (255,)), ("&", 1, (255, 511), (254, 0)), ("&", 2, (65535,), (255, 65534)),
+        ("<<", 1, (0,), (1, 256)), (">>", 1, (0,), (1,)), ("*", 1, (1,), (0, 2, 257)), ("/", 1, (1,), (2,)),
         ("%", 1, (), (0, 1, 2)),
     ],
-)
+)  # fmt: skip
 def test_which_constants_change_nothing(
     op: str, size: int, alone: tuple[int, ...], not_alone: tuple[int, ...]
 ) -> None:

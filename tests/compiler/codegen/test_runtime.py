@@ -58,17 +58,9 @@ def values(size: int) -> list[int]:
     dice = random.Random(size)
     top = 1 << 8 * size - 1
     return [
-        0,
-        1,
-        2,
-        3,
-        top - 1,
-        top,
-        top + 1,
-        2 * top - 2,
-        2 * top - 1,
+        0, 1, 2, 3, top - 1, top, top + 1, 2 * top - 2, 2 * top - 1,
         *(dice.randrange(2 * top) for _ in range(5)),
-    ]
+    ]  # fmt: skip
 
 
 @every(
@@ -279,21 +271,17 @@ def test_a_byte_is_read_from_the_eeprom() -> None:
     ("kind", "key", "expected"),
     [
         # both factors and the product; the dividend and quotient, the divisor, the remainder, a counter
-        ("mul", (1, 1, 2), 1 + 1 + 2),
-        ("mul", (3, 1, 3), 3 + 1 + 3),
-        ("divide", (4, 2, 0), 4 + 2 + 2 + 1),
+        ("mul", (1, 1, 2), 1 + 1 + 2), ("mul", (3, 1, 3), 3 + 1 + 3), ("divide", (4, 2, 0), 4 + 2 + 2 + 1),
         # the signs
-        ("sdivide", (2, 2, 0, 1), 1),
-        ("flash", (), 2),
+        ("sdivide", (2, 2, 0, 1), 1), ("flash", (), 2),
         *(("delay", (unit,), int(unit != 4)) for unit in (1, 2, 3, 4, 5, 1000)),
         ("eeprom_read", (), 0),
         # the address, the value, whether interrupts were enabled
         ("eeprom_write", (), 3),
         # the value and a counter
-        ("putchar", (6, 4, 104, 0), 2),
-        ("getchar", (6, 4, 104, 0), 2),
+        ("putchar", (6, 4, 104, 0), 2), ("getchar", (6, 4, 104, 0), 2),
     ],
-)
+)  # fmt: skip
 def test_the_bytes_of_a_routine(kind: str, key: tuple[int, ...], expected: int) -> None:
     made = Routine(kind, *key).function
     assert sum(symbol.size for symbol in made.own) == expected

@@ -68,13 +68,9 @@ from tests.compiler.ir.assembly import Chip
 AT = Location("main.c", 1)
 TYPES = (U8, S8, U16, S16, U32, S32)
 COMPARISONS = {
-    "==": operator.eq,
-    "!=": operator.ne,
-    "<": operator.lt,
-    "<=": operator.le,
-    ">": operator.gt,
+    "==": operator.eq, "!=": operator.ne, "<": operator.lt, "<=": operator.le, ">": operator.gt,
     ">=": operator.ge,
-}
+}  # fmt: skip
 
 
 def divided(left: int, right: int) -> int:
@@ -83,17 +79,10 @@ def divided(left: int, right: int) -> int:
 
 
 OPERATORS: dict[str, Callable[[int, int], int]] = {
-    "+": operator.add,
-    "-": operator.sub,
-    "*": operator.mul,
-    "/": divided,
-    "%": lambda left, right: left - right * divided(left, right),
-    "&": operator.and_,
-    "|": operator.or_,
-    "^": operator.xor,
-    "<<": operator.lshift,
-    ">>": operator.rshift,
-}
+    "+": operator.add, "-": operator.sub, "*": operator.mul, "/": divided, "%": lambda left,
+    right: left - right * divided(left, right), "&": operator.and_, "|": operator.or_, "^": operator.xor,
+    "<<": operator.lshift, ">>": operator.rshift,
+}  # fmt: skip
 
 
 def wrapped(value: int, kind: IntType) -> int:
@@ -105,21 +94,9 @@ def wrapped(value: int, kind: IntType) -> int:
 def numbers(kind: IntType) -> list[int]:
     """The ends of a type, and numbers of which a byte is 0 or 255."""
     found = {
-        0,
-        1,
-        kind.high,
-        kind.high - 1,
-        kind.low,
-        kind.low + 1,
-        100,
-        -2,
-        -100,
-        0x80,
-        0xFF,
-        0x100,
-        0x1200,
+        0, 1, kind.high, kind.high - 1, kind.low, kind.low + 1, 100, -2, -100, 0x80, 0xFF, 0x100, 0x1200,
         0x12FF,
-    }
+    }  # fmt: skip
     return sorted({wrapped(value, kind) for value in found})
 
 
@@ -546,19 +523,15 @@ def test_a_variable_is_assigned_what_reads_it(kind: IntType, volatile: bool) -> 
         "(x & y) - (x ^ y)": (of("-", of("&", one, two), of("^", one, two)), lambda x, y: (x & y) - (x ^ y)),
         "~x + y": (of("+", Unary("~", one, work, AT), two), lambda x, y: ~x + y),
         "-x": (Unary("-", one, work, AT), lambda x, y: -x),
-        "x >> 3 | x << 2": (
-            of("|", of(">>", one, num(3)), of("<<", one, num(2))),
-            lambda x, y: x >> 3 | x << 2,
-        ),
+        "x >> 3 | x << 2": (of("|", of(">>", one, num(3)), of("<<", one, num(2))), lambda x,
+            y: x >> 3 | x << 2),
         "(y << 1) + x": (of("+", of("<<", two, num(1)), one), lambda x, y: (y << 1) + x),
         "x < y": (Binary("<", x, y, S16, AT), lambda x, y: x < y),
-        "x == y ? y - 1 : x": (
-            Choice(Binary("==", x, y, U8, AT), of("-", two, num(1)), one, work, AT),
-            lambda x, y: y - 1 if x == y else x,
-        ),
+        "x == y ? y - 1 : x": (Choice(Binary("==", x, y, U8, AT), of("-", two, num(1)), one, work, AT),
+            lambda x, y: y - 1 if x == y else x),
         "(unsigned char)x + y": (of("+", Cast(Cast(x, U8, AT), work, AT), two), lambda x, y: (x & 0xFF) + y),
         "y - (unsigned char)x": (of("-", two, Cast(Cast(x, U8, AT), work, AT)), lambda x, y: y - (x & 0xFF)),
-    }
+    }  # fmt: skip
     for name, (expr, law) in laws.items():
         value = expr if kind == work else Cast(expr, kind, AT)
         made = Code(lambda gen, value=value: effect(gen, Assign(x, value, kind, AT)))  # type: ignore[misc]

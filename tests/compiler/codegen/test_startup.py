@@ -77,17 +77,12 @@ MAIN = "void main(void) { list[n] = 2; PORTB = f(n); GIE = 1; T0IE = 1; while (1
 @every(
     ("body", "extra"),
     [
-        ("n++;", []),
-        ("list[n] = 1;", ["fsr"]),
-        ("n = t[n];", ["pclath"]),
-        ("list[n] = t[n];", ["fsr", "pclath"]),
-        ("n = f(n);", ["pclath"]),
-        ('asm("call _f");', ["fsr", "pclath"]),
-        ('asm("clrf _n");', []),
-        ("PCLATH = 3;", ["pclath"]),
+        ("n++;", []), ("list[n] = 1;", ["fsr"]), ("n = t[n];", ["pclath"]),
+        ("list[n] = t[n];", ["fsr", "pclath"]), ("n = f(n);", ["pclath"]),
+        ('asm("call _f");', ["fsr", "pclath"]), ('asm("clrf _n");', []), ("PCLATH = 3;", ["pclath"]),
         ("FSR = 3;", ["fsr"]),
     ],
-)
+)  # fmt: skip
 def test_the_interrupt_saves_what_it_uses(body: str, extra: list[str]) -> None:
     """DS35007 section 6.9: SWAPF moves STATUS and W back without changing the flags."""
     found = compiled(f"{HEAD}void __interrupt() isr(void) {{ {body} T0IF = 0; }}\n{MAIN}")

@@ -52,36 +52,23 @@ void main(void) { f(); a = 1; }
 """
 EXPECTED = [
     # the test and the jump around the first arm; the arm; the jump around the second one
-    ("if (a)", "MOVF BTFSC GOTO"),
-    ("n++;", "INCF"),
-    ("if (a)", "GOTO"),
-    ("b++;", "INCF"),
-    ("while (c)", "MOVF BTFSC GOTO"),
-    ("c--;", "DECF"),
-    ("while (c)", "GOTO"),
+    ("if (a)", "MOVF BTFSC GOTO"), ("n++;", "INCF"), ("if (a)", "GOTO"), ("b++;", "INCF"),
+    ("while (c)", "MOVF BTFSC GOTO"), ("c--;", "DECF"), ("while (c)", "GOTO"),
     ("for (a = 1;", "MOVLW MOVWF MOVF XORWF BTFSC GOTO"),
-    ("n = a;", "MOVF MOVWF"),
-    ("a++)", "INCF"),
-    ("for (a = 1;", "GOTO"),
-    ("n--;", "DECF"),
+    ("n = a;", "MOVF MOVWF"), ("a++)", "INCF"), ("for (a = 1;", "GOTO"), ("n--;", "DECF"),
     ("do", "MOVF BTFSS GOTO"),
     # the case, then the default
     ("switch (a) {", "MOVF XORLW BTFSC GOTO GOTO"),
-    ("b = 2;", "MOVLW MOVWF"),
-    ("break;", "GOTO"),
-    ("c = 3;", "MOVLW MOVWF"),
+    ("b = 2;", "MOVLW MOVWF"), ("break;", "GOTO"), ("c = 3;", "MOVLW MOVWF"),
     ("a = get(", "MOVLW ADDWF CALL MOVWF"),
     ("n = a ?", "MOVF BTFSC GOTO MOVF MOVWF GOTO MOVF MOVWF"),
     ("array[b]", "MOVF ADDLW MOVWF MOVF MOVWF"),
     ("if (a &&", "MOVF BTFSC GOTO MOVF BTFSC GOTO"),
-    ("return;", "GOTO"),
-    ("goto end;", "GOTO"),
-    ("n = b", "MOVF ADDWF MOVWF"),
-    ("__delay_us(1);", "NOP"),
+    ("return;", "GOTO"), ("goto end;", "GOTO"), ("n = b", "MOVF ADDWF MOVWF"), ("__delay_us(1);", "NOP"),
     ("NOP();", "NOP"),
     # the end of the function belongs to no statement
     (None, "RETURN"),
-]
+]  # fmt: skip
 
 
 def test_the_lines_of_the_instructions() -> None:

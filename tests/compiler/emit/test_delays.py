@@ -132,28 +132,23 @@ def separate(*lengths: int) -> str:
     ("lengths", "expected", "routines"),
     [
         # in place: MOVLW, ADDLW, BTFSS, GOTO: four cycles a turn
-        ((100,), 4, set()),
-        ((101,), 5, set()),
-        ((2000,), 9, set()),
+        ((100,), 4, set()), ((101,), 5, set()), ((2000,), 9, set()),
         # a routine of its own: a CALL each, the loop, a RETURN
-        ((100,) * 2, 7, {"__delay_100"}),
-        ((100,) * 9, 14, {"__delay_100"}),
+        ((100,) * 2, 7, {"__delay_100"}), ((100,) * 9, 14, {"__delay_100"}),
         # two words each and a loop of four; equally long in place is better left there
-        ((100, 104), 8, set()),
-        ((100, 104, 108), 10, {"__delay_loop1"}),
+        ((100, 104), 8, set()), ((100, 104, 108), 10, {"__delay_loop1"}),
         # with as many NOPs in front as cycles are left over
         ((100, 101, 102), 12, {"__delay_loop1"}),
         # 103 is a loop in memory, three cycles a turn, without a cycle left over
         ((100, 103, 108), 12, set()),
         # the greatest of the loop with one counter, and those of two: four words each and a loop of six
-        ((1028, 1024, 1020), 10, {"__delay_loop1"}),
-        ((2000, 3000, 4000), 20, {"__delay_loop2"}),
+        ((1028, 1024, 1020), 10, {"__delay_loop1"}), ((2000, 3000, 4000), 20, {"__delay_loop2"}),
         # CLRF, BSF and GOTO set the same outer counter for all
         ((1500, 1540, 1580, 1620), 17, {"__delay_loop2", "__delay_turns2"}),
         ((2527, 2567, 2607, 2647), 18, {"__delay_loop2", "__delay_turns3"}),
         ((1500,) * 4, 14, {"__delay_1500"}),
     ],
-)
+)  # fmt: skip
 def test_the_words_of_delays(lengths: tuple[int, ...], expected: int, routines: set[str]) -> None:
     made = expanded(separate(*lengths))
     assert words(made) - len(lengths) == expected
@@ -224,22 +219,14 @@ def test_a_shared_loop_is_entered_as_many_nops_early_as_cycles_are_left_over() -
     made = expanded(separate(100, 102, 105, 109))
     assert texts(made["__delay_loop1"]) == [
         *(
-            "*__delay_loop1.2:",
-            "*NOP",
-            "*__delay_loop1.1:",
-            "*NOP",
-            "*__delay_loop1:",
+            "*__delay_loop1.2:", "*NOP", "*__delay_loop1.1:", "*NOP", "*__delay_loop1:",
             "*__delay_loop1.loop:",
         ),
         *("*ADDLW 255", "*BTFSS Z", "*GOTO __delay_loop1.loop", "*RETURN"),
-    ]
+    ]  # fmt: skip
     assert texts(made["f0"])[:5] == [
-        "*MOVLW 24",
-        "*CALL __delay_loop1",
-        "NOP",
-        "*MOVLW 24",
-        "*CALL __delay_loop1.2",
-    ]
+        "*MOVLW 24", "*CALL __delay_loop1", "NOP", "*MOVLW 24", "*CALL __delay_loop1.2",
+    ]  # fmt: skip
     assert made["f0"].also_calls == ("__delay_loop1",) * 4
     assert made["f0"].calls() == [
         "__delay_loop1",

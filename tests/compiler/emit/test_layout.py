@@ -265,15 +265,10 @@ def test_a_table_in_the_first_256_words_adds_to_pcl() -> None:
 @every(
     ("address", "page", "crosses"),
     [
-        (0x100, 1, False),
-        (0x2F7, 2, False),
-        (0x2F8, 2, False),
-        (0x2F9, 3, True),
-        (0x2FA, 3, True),
-        (0x2FB, 3, False),
-        (0x2F0, 2, False),
+        (0x100, 1, False), (0x2F7, 2, False), (0x2F8, 2, False), (0x2F9, 3, True), (0x2FA, 3, True),
+        (0x2FB, 3, False), (0x2F0, 2, False),
     ],
-)
+)  # fmt: skip
 def test_a_table_elsewhere_sets_pclath_and_carries_where_it_crosses_a_page(
     address: int, page: int, crosses: bool
 ) -> None:

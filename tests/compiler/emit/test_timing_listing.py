@@ -30,16 +30,10 @@ def test_a_row_is_the_instruction_with_addresses_and_cycles() -> None:
     text = "MOVLW 200; MOVWF ga+1; DECFSZ ga,F; BTFSC Z; BSF TRISB,7; MOVF ga,W; CALL g; RETURN"
     found = listing({"main": text, "g": "RETLW 9"}, {"ga": 0x0C}, Names())
     assert [(row.assembly, row.cycles) for row in found.rows] == [
-        ("MOVLW 0xC8", "1"),
-        ("MOVWF 0x0D", "1"),
-        ("DECFSZ 0x0C, F", "1(2)"),
-        ("BTFSC STATUS, 2", "1(2)"),
-        ("BSF TRISB, 7", "1"),
-        ("MOVF 0x0C, W", "1"),
-        ("CALL 0x008", "2"),
-        ("RETURN", "2"),
+        ("MOVLW 0xC8", "1"), ("MOVWF 0x0D", "1"), ("DECFSZ 0x0C, F", "1(2)"), ("BTFSC STATUS, 2", "1(2)"),
+        ("BSF TRISB, 7", "1"), ("MOVF 0x0C, W", "1"), ("CALL 0x008", "2"), ("RETURN", "2"),
         ("RETLW 0x09", "2"),
-    ]
+    ]  # fmt: skip
     assert [row.address for row in found.rows] == list(range(9))
     assert [(each.name, each.start, each.end, each.deepest_calls) for each in found.functions] == [
         ("main", 0, 8, 1),
@@ -71,12 +65,8 @@ def test_an_address_without_a_register_is_a_number_within_the_bank() -> None:
     assembly = "".join(f'asm("clrf {place}"); ' for place in places)
     found = compile_sources([Source(f"void main(void) {{ {assembly} }}", "main.c")], Options(dialect="xc8"))
     assert [row.assembly for row in found.listing.rows[:5]] == [
-        "CLRF 0x07",
-        "CLRF 0x07",
-        "CLRF 0x50",
-        "CLRF TRISA",
-        "CLRF FSR",
-    ]
+        "CLRF 0x07", "CLRF 0x07", "CLRF 0x50", "CLRF TRISA", "CLRF FSR",
+    ]  # fmt: skip
 
 
 def test_the_programs_variables_come_first_then_runs_of_others() -> None:

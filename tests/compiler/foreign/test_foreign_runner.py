@@ -65,18 +65,13 @@ def programs_in(folder: Path, **files: str) -> list[Program]:
 @pytest.mark.parametrize(
     ("text", "kind", "reason"),
     [
-        (RIGHT, "right", ""),
-        (WRONG, "wrong", "status 3"),
-        (ABORTED, "wrong", "status 255"),
+        (RIGHT, "right", ""), (WRONG, "wrong", "status 3"), (ABORTED, "wrong", "status 255"),
         (REFUSED, "refused", "64-bit integers are not supported"),
         (TOO_LARGE, "refused", "the program needs"),
-        (
-            f"/* {{ dg-require-effective-target int32plus }} */\n{WRONG}",
-            "unsuitable",
-            "needs the target int32plus",
-        ),
+        (f"/* {{ dg-require-effective-target int32plus }} */\n{WRONG}", "unsuitable",
+            "needs the target int32plus"),
     ],
-)
+)  # fmt: skip
 def test_a_program_is_judged(tmp_path: Path, text: str, kind: str, reason: str) -> None:
     (program,) = programs_in(tmp_path, one=text)
     verdict = judge(program)
@@ -192,17 +187,9 @@ def test_programs_for_this_chip_are_counted_by_why_they_are_refused(
     refused, *counts = capsys.readouterr().out.splitlines()
     assert refused.startswith("REFUSED wrong/main.c")
     assert [line.strip() for line in counts] == [
-        "11 programs",
-        "3 compiled",
-        "2 other chip",
-        "2 other dialect",
-        "1 too large",
-        "1 missing file",
-        "1 own error",
-        "1 refused",
-        "0 over limit",
-        "0 crash",
-    ]
+        "11 programs", "3 compiled", "2 other chip", "2 other dialect", "1 too large", "1 missing file",
+        "1 own error", "1 refused", "0 over limit", "0 crash",
+    ]  # fmt: skip
 
 
 def test_a_folder_without_programs_for_this_chip_is_a_failure(tmp_path: Path) -> None:

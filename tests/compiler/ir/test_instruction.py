@@ -64,41 +64,20 @@ def test_the_kinds_of_instructions() -> None:
 @every(
     ("text", "reads", "writes", "flags"),
     [
-        ("ADDWF g,W", "W f", "W", "CDZ"),
-        ("ADDWF g,F", "W f", "f", "CDZ"),
-        ("SUBWF g,F", "W f", "f", "CDZ"),
-        ("ANDWF g,W", "W f", "W", "Z"),
-        ("MOVF g,W", "f", "W", "Z"),
-        ("MOVF g,F", "f", "f", "Z"),
-        ("MOVWF g", "W", "f", ""),
-        ("CLRF g", "", "f", "Z"),
-        ("CLRW", "", "W", "Z"),
-        ("INCF g,F", "f", "f", "Z"),
-        ("DECFSZ g,F", "f", "f", ""),
-        ("INCFSZ g,W", "f", "W", ""),
-        ("RLF g,F", "f C", "f", "C"),
-        ("RRF g,W", "f C", "W", "C"),
-        ("SWAPF g,W", "f", "W", ""),
-        ("BSF g,3", "f", "f", ""),
-        ("BTFSC g,3", "f", "", ""),
-        ("MOVLW 3", "", "W", ""),
-        ("ADDLW 3", "W", "W", "CDZ"),
-        ("XORLW 3", "W", "W", "Z"),
-        ("RETLW 3", "", "W", ""),
-        ("RETURN", "W", "", ""),
-        ("RETFIE", "W", "", ""),
-        ("GOTO x", "", "", ""),
-        ("CALL x", "W", "W", "CDZ"),
-        ("NOP", "", "", ""),
-        ("DELAY 9", "", "W", "CDZ"),
+        ("ADDWF g,W", "W f", "W", "CDZ"), ("ADDWF g,F", "W f", "f", "CDZ"), ("SUBWF g,F", "W f", "f", "CDZ"),
+        ("ANDWF g,W", "W f", "W", "Z"), ("MOVF g,W", "f", "W", "Z"), ("MOVF g,F", "f", "f", "Z"),
+        ("MOVWF g", "W", "f", ""), ("CLRF g", "", "f", "Z"), ("CLRW", "", "W", "Z"),
+        ("INCF g,F", "f", "f", "Z"), ("DECFSZ g,F", "f", "f", ""), ("INCFSZ g,W", "f", "W", ""),
+        ("RLF g,F", "f C", "f", "C"), ("RRF g,W", "f C", "W", "C"), ("SWAPF g,W", "f", "W", ""),
+        ("BSF g,3", "f", "f", ""), ("BTFSC g,3", "f", "", ""), ("MOVLW 3", "", "W", ""),
+        ("ADDLW 3", "W", "W", "CDZ"), ("XORLW 3", "W", "W", "Z"), ("RETLW 3", "", "W", ""),
+        ("RETURN", "W", "", ""), ("RETFIE", "W", "", ""), ("GOTO x", "", "", ""), ("CALL x", "W", "W", "CDZ"),
+        ("NOP", "", "", ""), ("DELAY 9", "", "W", "CDZ"),
         # STATUS holds the flags
-        ("MOVWF STATUS", "W", "f", "CDZ"),
-        ("CLRF STATUS", "", "f", "CDZ"),
-        ("BSF C", "f", "f", "CDZ"),
-        ("BTFSC C", "f", "", ""),
-        ("SWAPF STATUS,W", "f", "W", ""),
+        ("MOVWF STATUS", "W", "f", "CDZ"), ("CLRF STATUS", "", "f", "CDZ"), ("BSF C", "f", "f", "CDZ"),
+        ("BTFSC C", "f", "", ""), ("SWAPF STATUS,W", "f", "W", ""),
     ],
-)
+)  # fmt: skip
 def test_what_an_instruction_reads_and_writes(text: str, reads: str, writes: str, flags: str) -> None:
     made = ins(text)
     found = [
@@ -112,21 +91,12 @@ def test_what_an_instruction_reads_and_writes(text: str, reads: str, writes: str
 @every(
     ("text", "leaves", "ends"),
     [
-        ("GOTO x", True, True),
-        ("RETURN", True, True),
-        ("RETLW 1", True, True),
-        ("BTFSC g,1", False, True),
-        ("DECFSZ g,F", False, True),
-        ("CALL x", False, False),
-        ("MOVWF PCL", True, True),
-        ("ADDWF PCL,F", True, True),
-        ("ADDWF PCL,W", False, False),
-        ("MOVF PCL,W", False, False),
-        ("MOVWF PCLATH", False, False),
-        ("MOVWF g", False, False),
-        ("DELAY 3", False, False),
+        ("GOTO x", True, True), ("RETURN", True, True), ("RETLW 1", True, True), ("BTFSC g,1", False, True),
+        ("DECFSZ g,F", False, True), ("CALL x", False, False), ("MOVWF PCL", True, True),
+        ("ADDWF PCL,F", True, True), ("ADDWF PCL,W", False, False), ("MOVF PCL,W", False, False),
+        ("MOVWF PCLATH", False, False), ("MOVWF g", False, False), ("DELAY 3", False, False),
     ],
-)
+)  # fmt: skip
 def test_where_a_block_ends(text: str, leaves: bool, ends: bool) -> None:
     assert (ins(text).leaves, ins(text).ends_block) == (leaves, ends)
 
@@ -157,14 +127,9 @@ def test_the_text_of_operands_and_instructions() -> None:
     assert operand_text(AddressByte(g, 3, 1)) == "HIGH(g+3)"
     assert operand_text(17) == "17"
     expected = {
-        "ADDWF g,F": "ADDWF g, F",
-        "MOVF g+1,W": "MOVF g+1, W",
-        "BSF PORTB,3": "BSF PORTB, 3",
-        "MOVLW 200": "MOVLW 200",
-        "GOTO f.x": "GOTO f.x",
-        "RETURN": "RETURN",
-        "DELAY 12": "; delay 12 cycles",
-    }
+        "ADDWF g,F": "ADDWF g, F", "MOVF g+1,W": "MOVF g+1, W", "BSF PORTB,3": "BSF PORTB, 3",
+        "MOVLW 200": "MOVLW 200", "GOTO f.x": "GOTO f.x", "RETURN": "RETURN", "DELAY 12": "; delay 12 cycles",
+    }  # fmt: skip
     assert {text: assembly(ins(text)) for text in expected} == expected
     assert {text: str(ins(text)) for text in expected} == expected
     assert ins("DELAY 12").op == DELAY

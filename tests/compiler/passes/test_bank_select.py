@@ -42,64 +42,40 @@ def test_variables_and_literals_need_no_bank() -> None:
         ("MOVWF TRISB; CLRF ga", "BSF RP0; MOVWF TRISB; BCF RP0; CLRF ga"),
         # one pair for several accesses, with what needs no bank between them
         ("MOVWF TRISB; MOVWF TRISA; RETURN", "BSF RP0; MOVWF TRISB; MOVWF TRISA; BCF RP0; RETURN"),
-        (
-            "MOVWF TRISB; MOVLW 1; MOVWF ga; MOVWF TRISA; MOVLW 3; CLRF gb; RETURN",
-            "BSF RP0; MOVWF TRISB; MOVLW 1; MOVWF ga; MOVWF TRISA; BCF RP0; MOVLW 3; CLRF gb; RETURN",
-        ),
-        (
-            "MOVWF TRISB; MOVWF PORTB; MOVWF TRISA; RETURN",
-            "BSF RP0; MOVWF TRISB; BCF RP0; MOVWF PORTB; BSF RP0; MOVWF TRISA; BCF RP0; RETURN",
-        ),
+        ("MOVWF TRISB; MOVLW 1; MOVWF ga; MOVWF TRISA; MOVLW 3; CLRF gb; RETURN",
+            "BSF RP0; MOVWF TRISB; MOVLW 1; MOVWF ga; MOVWF TRISA; BCF RP0; MOVLW 3; CLRF gb; RETURN"),
+        ("MOVWF TRISB; MOVWF PORTB; MOVWF TRISA; RETURN",
+            "BSF RP0; MOVWF TRISB; BCF RP0; MOVWF PORTB; BSF RP0; MOVWF TRISA; BCF RP0; RETURN"),
         # what ends a pair: a call, a delay, a label, a jump
-        (
-            "MOVWF TRISB; CALL g; MOVWF TRISA; RETURN",
-            "BSF RP0; MOVWF TRISB; BCF RP0; CALL g; BSF RP0; MOVWF TRISA; BCF RP0; RETURN",
-        ),
-        (
-            "MOVWF TRISB; DELAY 9; MOVWF TRISA; RETURN",
-            "BSF RP0; MOVWF TRISB; BCF RP0; DELAY 9; BSF RP0; MOVWF TRISA; BCF RP0; RETURN",
-        ),
-        (
-            "MOVWF TRISB; a: MOVWF TRISA; GOTO a",
-            "BSF RP0; MOVWF TRISB; BCF RP0; a: BSF RP0; MOVWF TRISA; BCF RP0; GOTO a",
-        ),
+        ("MOVWF TRISB; CALL g; MOVWF TRISA; RETURN",
+            "BSF RP0; MOVWF TRISB; BCF RP0; CALL g; BSF RP0; MOVWF TRISA; BCF RP0; RETURN"),
+        ("MOVWF TRISB; DELAY 9; MOVWF TRISA; RETURN",
+            "BSF RP0; MOVWF TRISB; BCF RP0; DELAY 9; BSF RP0; MOVWF TRISA; BCF RP0; RETURN"),
+        ("MOVWF TRISB; a: MOVWF TRISA; GOTO a",
+            "BSF RP0; MOVWF TRISB; BCF RP0; a: BSF RP0; MOVWF TRISA; BCF RP0; GOTO a"),
         # a write to the whole of STATUS changes the bank, one to its flags does not
-        (
-            "CLRF TRISA; CLRF STATUS; CLRF TRISB; RETURN",
-            "BSF RP0; CLRF TRISA; BCF RP0; CLRF STATUS; BSF RP0; CLRF TRISB; BCF RP0; RETURN",
-        ),
-        (
-            "CLRF TRISA; MOVLW 7; ANDWF STATUS,F; CLRF TRISB; RETURN",
-            "BSF RP0; CLRF TRISA; BCF RP0; MOVLW 7; ANDWF STATUS,F; BSF RP0; CLRF TRISB; BCF RP0; RETURN",
-        ),
-        (
-            "CLRF TRISA; BSF C; MOVF STATUS,W; CLRF TRISB; RETURN",
-            "BSF RP0; CLRF TRISA; BSF C; MOVF STATUS,W; CLRF TRISB; BCF RP0; RETURN",
-        ),
+        ("CLRF TRISA; CLRF STATUS; CLRF TRISB; RETURN",
+            "BSF RP0; CLRF TRISA; BCF RP0; CLRF STATUS; BSF RP0; CLRF TRISB; BCF RP0; RETURN"),
+        ("CLRF TRISA; MOVLW 7; ANDWF STATUS,F; CLRF TRISB; RETURN",
+            "BSF RP0; CLRF TRISA; BCF RP0; MOVLW 7; ANDWF STATUS,F; BSF RP0; CLRF TRISB; BCF RP0; RETURN"),
+        ("CLRF TRISA; BSF C; MOVF STATUS,W; CLRF TRISB; RETURN",
+            "BSF RP0; CLRF TRISA; BSF C; MOVF STATUS,W; CLRF TRISB; BCF RP0; RETURN"),
         # assembly between two accesses stays where it is, in the bank of its neighbours
-        (
-            "MOVWF TRISB; *NOP; MOVWF TRISA; RETURN",
-            "BSF RP0; MOVWF TRISB; *NOP; MOVWF TRISA; BCF RP0; RETURN",
-        ),
+        ("MOVWF TRISB; *NOP; MOVWF TRISA; RETURN",
+            "BSF RP0; MOVWF TRISB; *NOP; MOVWF TRISA; BCF RP0; RETURN"),
         ("*MOVWF TRISB; RETURN", None),
         # both switches stand outside a skip and what it guards
         ("BTFSC ga,1; MOVWF TRISB; RETURN", "BSF RP0; BTFSC ga,1; MOVWF TRISB; BCF RP0; RETURN"),
         ("DECFSZ ga,F; CLRF TRISB; RETURN", "BSF RP0; DECFSZ ga,F; CLRF TRISB; BCF RP0; RETURN"),
-        (
-            "BTFSC ga,1; MOVWF TRISB; BTFSC ga,2; MOVWF TRISA; RETURN",
-            "BSF RP0; BTFSC ga,1; MOVWF TRISB; BSF RP0; BTFSC ga,2; MOVWF TRISA; BCF RP0; RETURN",
-        ),
+        ("BTFSC ga,1; MOVWF TRISB; BTFSC ga,2; MOVWF TRISA; RETURN",
+            "BSF RP0; BTFSC ga,1; MOVWF TRISB; BSF RP0; BTFSC ga,2; MOVWF TRISA; BCF RP0; RETURN"),
         ("BTFSC EECON1,1; CLRF ga; RETURN", "BSF RP0; BTFSC EECON1,1; CLRF ga; BCF RP0; RETURN"),
         # a jump between the switches goes through a place that switches back
-        (
-            "a: BTFSC EECON1,1; GOTO a; CLRF ga; RETURN",
-            "a: BSF RP0; BTFSC EECON1,1; GOTO f.bank0; BCF RP0; CLRF ga; RETURN; f.bank0: BCF RP0; GOTO a",
-        ),
-        (
-            "BTFSC EECON1,1; GOTO a; BTFSS TRISA,1; GOTO a; a: RETURN",
+        ("a: BTFSC EECON1,1; GOTO a; CLRF ga; RETURN",
+            "a: BSF RP0; BTFSC EECON1,1; GOTO f.bank0; BCF RP0; CLRF ga; RETURN; f.bank0: BCF RP0; GOTO a"),
+        ("BTFSC EECON1,1; GOTO a; BTFSS TRISA,1; GOTO a; a: RETURN",
             "BSF RP0; BTFSC EECON1,1; GOTO f.bank0; BSF RP0; BTFSS TRISA,1; GOTO f.bank3; BCF RP0; a: RETURN;"
-            "f.bank0: BCF RP0; GOTO a; f.bank3: BCF RP0; GOTO a",
-        ),
+            "f.bank0: BCF RP0; GOTO a; f.bank3: BCF RP0; GOTO a"),
     ],
 )  # fmt: skip
 def test_switches_stand_around_accesses_to_bank_1(before: str, after: str | None) -> None:
@@ -113,40 +89,29 @@ def test_switches_stand_around_accesses_to_bank_1(before: str, after: str | None
     [
         # the program's own switches stay; what needs the other bank is switched to and back
         ("*BSF RP0; MOVWF TRISB; *BCF RP0; RETURN", None),
-        (
-            "*BSF RP0; MOVWF TRISB; MOVWF PORTB; *BCF RP0; RETURN",
-            "*BSF RP0; MOVWF TRISB; BCF RP0; MOVWF PORTB; *BCF RP0; RETURN",
-        ),
-        (
-            "*BSF RP0; MOVWF PORTB; MOVWF TRISB; RETURN",
-            "*BSF RP0; BCF RP0; MOVWF PORTB; BSF RP0; MOVWF TRISB; RETURN",
-        ),
+        ("*BSF RP0; MOVWF TRISB; MOVWF PORTB; *BCF RP0; RETURN",
+            "*BSF RP0; MOVWF TRISB; BCF RP0; MOVWF PORTB; *BCF RP0; RETURN"),
+        ("*BSF RP0; MOVWF PORTB; MOVWF TRISB; RETURN",
+            "*BSF RP0; BCF RP0; MOVWF PORTB; BSF RP0; MOVWF TRISB; RETURN"),
         ("BSF RP0; MOVWF TRISB; BCF RP0; MOVWF PORTB; RETURN", None),
         ("MOVLW 32; MOVWF STATUS; MOVWF TRISB; RETURN", None),
         ("MOVLW 96; MOVWF STATUS; MOVWF TRISB; RETURN", None),
         ("MOVLW 64; MOVWF STATUS; MOVWF PORTB; RETURN", None),
         ("MOVLW 32; MOVWF STATUS; CLRF STATUS; MOVWF PORTB; RETURN", None),
         # one bank or the other: what is certain is only behind a switch
-        (
-            "BTFSC ga,1; *BSF RP0; MOVWF TRISB; RETURN",
-            "BTFSC ga,1; *BSF RP0; BSF RP0; MOVWF TRISB; BCF RP0; RETURN",
-        ),
+        ("BTFSC ga,1; *BSF RP0; MOVWF TRISB; RETURN",
+            "BTFSC ga,1; *BSF RP0; BSF RP0; MOVWF TRISB; BCF RP0; RETURN"),
         ("BTFSC ga,1; *BSF RP0; MOVWF PORTB; RETURN", "BTFSC ga,1; *BSF RP0; BCF RP0; MOVWF PORTB; RETURN"),
-        (
-            "*BSF RP0; BTFSC ga,1; GOTO a; *BCF RP0; a: MOVWF PORTB; RETURN",
-            "*BSF RP0; BTFSC ga,1; GOTO a; *BCF RP0; a: BCF RP0; MOVWF PORTB; RETURN",
-        ),
+        ("*BSF RP0; BTFSC ga,1; GOTO a; *BCF RP0; a: MOVWF PORTB; RETURN",
+            "*BSF RP0; BTFSC ga,1; GOTO a; *BCF RP0; a: BCF RP0; MOVWF PORTB; RETURN"),
         # a loop in which the bank changes
-        (
-            "a: MOVWF PORTB; *BSF RP0; BTFSC ga,1; GOTO a; RETURN",
-            "a: BCF RP0; MOVWF PORTB; *BSF RP0; BTFSC ga,1; GOTO a; RETURN",
-        ),
+        ("a: MOVWF PORTB; *BSF RP0; BTFSC ga,1; GOTO a; RETURN",
+            "a: BCF RP0; MOVWF PORTB; *BSF RP0; BTFSC ga,1; GOTO a; RETURN"),
         # bits of STATUS other than RP0, and the same bit of a variable
-        ("BSF C; MOVWF PORTB; RETURN", None),
-        ("BSF ga,5; MOVWF PORTB; RETURN", None),
+        ("BSF C; MOVWF PORTB; RETURN", None), ("BSF ga,5; MOVWF PORTB; RETURN", None),
         ("BTFSC RP0; CLRF ga; MOVWF PORTB; RETURN", None),
     ],
-)
+)  # fmt: skip
 def test_what_the_program_selects_itself_counts(before: str, after: str | None) -> None:
     made = function(before)
     assert switch_banks(made, set(), {}) == (after is not None)
@@ -159,43 +124,24 @@ def test_what_the_program_selects_itself_counts(before: str, after: str | None) 
         ("CALL g; RETURN", {}, None),
         ("MOVWF PORTB; CALL g; MOVWF PORTB; RETURN", {"g": 0}, None),
         # bank 0 for the call, and back
-        (
-            "*BSF RP0; CALL g; MOVWF TRISB; RETURN",
-            {},
-            "*BSF RP0; BCF RP0; CALL g; BSF RP0; MOVWF TRISB; RETURN",
-        ),
-        (
-            "*BSF RP0; CALL g; MOVWF TRISB; RETURN",
-            {"g": 0},
-            "*BSF RP0; BCF RP0; CALL g; BSF RP0; MOVWF TRISB; BCF RP0; RETURN",
-        ),
+        ("*BSF RP0; CALL g; MOVWF TRISB; RETURN", {},
+            "*BSF RP0; BCF RP0; CALL g; BSF RP0; MOVWF TRISB; RETURN"),
+        ("*BSF RP0; CALL g; MOVWF TRISB; RETURN", {"g": 0},
+            "*BSF RP0; BCF RP0; CALL g; BSF RP0; MOVWF TRISB; BCF RP0; RETURN"),
         ("*BSF RP0; CALL g; MOVWF TRISB; RETURN", {"g": 1}, "*BSF RP0; BCF RP0; CALL g; MOVWF TRISB; RETURN"),
-        (
-            "CALL g; MOVWF PORTB; RETURN",
-            {"g": UNKNOWN},
-            "CALL g; BCF RP0; MOVWF PORTB; RETURN",
-        ),
+        ("CALL g; MOVWF PORTB; RETURN", {"g": UNKNOWN}, "CALL g; BCF RP0; MOVWF PORTB; RETURN"),
         ("*BSF RP0; CALL h; MOVWF TRISB; RETURN", {}, None),
         ("*BSF RP0; GOTO g", {}, "*BSF RP0; BCF RP0; GOTO g"),
         ("*BSF RP0; GOTO h", {}, None),
-        (
-            "*BSF RP0; BTFSC ga,1; GOTO g; MOVWF TRISB; RETURN",
-            {},
-            "*BSF RP0; BCF RP0; BTFSC ga,1; GOTO g; BSF RP0; MOVWF TRISB; RETURN",
-        ),
-        (
-            "*BSF RP0; BTFSC ga,1; CALL g; MOVWF TRISB; RETURN",
-            {},
-            "*BSF RP0; BCF RP0; BTFSC ga,1; CALL g; BSF RP0; MOVWF TRISB; RETURN",
-        ),
+        ("*BSF RP0; BTFSC ga,1; GOTO g; MOVWF TRISB; RETURN", {},
+            "*BSF RP0; BCF RP0; BTFSC ga,1; GOTO g; BSF RP0; MOVWF TRISB; RETURN"),
+        ("*BSF RP0; BTFSC ga,1; CALL g; MOVWF TRISB; RETURN", {},
+            "*BSF RP0; BCF RP0; BTFSC ga,1; CALL g; BSF RP0; MOVWF TRISB; RETURN"),
         # a call of what needs bank 0 is not put between two switches
-        (
-            "MOVWF TRISB; CALL g; CLRF ga; MOVWF TRISA; RETURN",
-            {},
-            "BSF RP0; MOVWF TRISB; BCF RP0; CALL g; CLRF ga; BSF RP0; MOVWF TRISA; BCF RP0; RETURN",
-        ),
+        ("MOVWF TRISB; CALL g; CLRF ga; MOVWF TRISA; RETURN", {},
+            "BSF RP0; MOVWF TRISB; BCF RP0; CALL g; CLRF ga; BSF RP0; MOVWF TRISA; BCF RP0; RETURN"),
     ],
-)
+)  # fmt: skip
 def test_functions_that_need_a_bank_are_called_in_bank_0(
     before: str, exits: dict[str, int], after: str | None
 ) -> None:
@@ -207,29 +153,21 @@ def test_functions_that_need_a_bank_are_called_in_bank_0(
 @every(
     ("text", "bank"),
     [
-        ("*BSF RP0; RETURN", 1),
-        ("*BSF RP0; RETLW 3", 1),
-        ("*BSF RP0; *BCF RP0; RETURN", 0),
+        ("*BSF RP0; RETURN", 1), ("*BSF RP0; RETLW 3", 1), ("*BSF RP0; *BCF RP0; RETURN", 0),
         ("*BSF RP0; RETFIE", 0),
         ("BTFSC ga,1; RETURN; *BSF RP0; RETURN", UNKNOWN),
-        ("MOVLW 32; MOVWF STATUS; RETURN", 1),
-        ("MOVLW 33; MOVWF STATUS; RETURN", 1),
+        ("MOVLW 32; MOVWF STATUS; RETURN", 1), ("MOVLW 33; MOVWF STATUS; RETURN", 1),
         ("MOVLW 64; MOVWF STATUS; RETURN", 0),
         ("*BSF RP0; MOVF ga,W; MOVWF STATUS; RETURN", 0),
         ("*BSF RP0; MOVLW 32; CLRF STATUS; RETURN", 0),
         ("MOVLW 32; a: MOVWF STATUS; BTFSC ga,1; GOTO a; RETURN", 0),
         ("CLRF STATUS; *BSF RP0; ADDWF STATUS,F; RETURN", 1),
-        ("*BSF RP0; GOTO h", 1),
-        ("*BSF RP0; GOTO g", 0),
-        ("*BSF RP0; a: CLRF ga; GOTO a", 0),
-        ("GOTO s", 1),
-        ("*BCF RP0; CALL s; RETURN", 1),
-        ("CALL s; *BCF RP0; RETURN", 0),
-        ("BTFSC ga,1; CALL s; RETURN", UNKNOWN),
-        ("*BSF RP0; CALL h; RETURN", 1),
+        ("*BSF RP0; GOTO h", 1), ("*BSF RP0; GOTO g", 0), ("*BSF RP0; a: CLRF ga; GOTO a", 0), ("GOTO s", 1),
+        ("*BCF RP0; CALL s; RETURN", 1), ("CALL s; *BCF RP0; RETURN", 0),
+        ("BTFSC ga,1; CALL s; RETURN", UNKNOWN), ("*BSF RP0; CALL h; RETURN", 1),
         ("CALL f; *BSF RP0; RETURN", 1),
     ],
-)
+)  # fmt: skip
 def test_the_bank_that_a_call_leaves_selected(text: str, bank: int) -> None:
     """g needs bank 0, h no bank at all, and s leaves bank 1 selected."""
     found = {
@@ -245,17 +183,12 @@ def test_who_needs_or_switches_a_bank() -> None:
     found = {
         name: function(text, name=name)
         for name, text in {
-            "plain": "CLRF ga; CLRF INTCON; RETURN",
-            "port": "MOVWF PORTB; RETURN",
-            "tris": "MOVWF TRISB; RETURN",
-            "switch": "BSF RP0; RETURN",
-            "status": "CLRF STATUS; RETURN",
+            "plain": "CLRF ga; CLRF INTCON; RETURN", "port": "MOVWF PORTB; RETURN",
+            "tris": "MOVWF TRISB; RETURN", "switch": "BSF RP0; RETURN", "status": "CLRF STATUS; RETURN",
             "carry": "BSF C; RLF ga,F; ADDWF STATUS,F; RETURN",
-            "caller": "CALL port; RETURN",
-            "above": "GOTO caller",
-            "apart": "CALL plain; RETURN",
+            "caller": "CALL port; RETURN", "above": "GOTO caller", "apart": "CALL plain; RETURN",
         }.items()
-    }
+    }  # fmt: skip
     assert banked(found) == {"port", "tris", "switch", "status", "caller", "above"}
 
 

@@ -21,26 +21,19 @@ def choice(test: str, yes: str, other: str, end: str = END) -> str:
     ("before", "after"),
     [
         # a constant in W
-        (
-            choice("BTFSS ga,1", "MOVLW 3", "MOVLW 4", "e: MOVWF gz; RETURN"),
-            "MOVLW 4; BTFSC ga,1; MOVLW 3; e: MOVWF gz; RETURN",
-        ),
-        (
-            "SWAPF gx,F; " + choice("BTFSS ga,1", "MOVLW 3", "MOVLW 4", "e: MOVWF gz; RETURN"),
-            "SWAPF gx,F; MOVLW 4; BTFSC ga,1; MOVLW 3; e: MOVWF gz; RETURN",
-        ),
+        (choice("BTFSS ga,1", "MOVLW 3", "MOVLW 4", "e: MOVWF gz; RETURN"),
+            "MOVLW 4; BTFSC ga,1; MOVLW 3; e: MOVWF gz; RETURN"),
+        ("SWAPF gx,F; " + choice("BTFSS ga,1", "MOVLW 3", "MOVLW 4", "e: MOVWF gz; RETURN"),
+            "SWAPF gx,F; MOVLW 4; BTFSC ga,1; MOVLW 3; e: MOVWF gz; RETURN"),
         (choice("BTFSS ga,1", "RETLW 3", "RETLW 4"), None),
         # two instructions that leave the bit alone, by two tests
-        (
-            choice("BTFSC ga,1", "BSF gb,3", "BCF gb,3"),
-            "BTFSC ga,1; BCF gb,3; BTFSS ga,1; BSF gb,3; " + END,
-        ),
+        (choice("BTFSC ga,1", "BSF gb,3", "BCF gb,3"), "BTFSC ga,1; BCF gb,3; BTFSS ga,1; BSF gb,3; " + END),
         (choice("BTFSS C", "BSF gb,3", "BCF gb,3"), "BTFSS C; BCF gb,3; BTFSC C; BSF gb,3; " + END),
         (choice("BTFSS Z", "BSF gb,3", "BCF gb,3"), "BTFSS Z; BCF gb,3; BTFSC Z; BSF gb,3; " + END),
         (choice("BTFSS ga,1", "CLRF gb", "BSF gb,0"), "BTFSS ga,1; BSF gb,0; BTFSC ga,1; CLRF gb; " + END),
         (choice("BTFSS ga,1", "NOP", "MOVLW 1"), "BTFSS ga,1; MOVLW 1; BTFSC ga,1; NOP; " + END),
         (choice("BTFSS C", "BSF PORTB,3", "BCF PORTB,3"),
-         "BTFSS C; BCF PORTB,3; BTFSC C; BSF PORTB,3; " + END),
+            "BTFSS C; BCF PORTB,3; BTFSC C; BSF PORTB,3; " + END),
         # registers, volatile bytes and RP0 may change between two tests
         (choice("BTFSS PORTA,1", "BSF gb,3", "BCF gb,3"), None),
         (choice("BTFSS va,1", "BSF gb,3", "BCF gb,3"), None),
@@ -55,11 +48,11 @@ def choice(test: str, yes: str, other: str, end: str = END) -> str:
         (choice("BTFSS ga,1", "BSF fa,3", "BCF gb,3"), None),
         (choice("BTFSS fa,1", "BSF gb,3", "BCF gb,3"), None),
         (choice("BTFSS ga,1", "BSF PORTB,3", "BCF PORTB,3"),
-         "BTFSS ga,1; BCF PORTB,3; BTFSC ga,1; BSF PORTB,3; " + END),
+            "BTFSS ga,1; BCF PORTB,3; BTFSC ga,1; BSF PORTB,3; " + END),
         (choice("BTFSS ga,1", "BSF INDF,3", "BCF gb,3"), None),
         (choice("BTFSS ga,1", "BSF FSR,3", "BCF gb,3"), None),
         (choice("BTFSS ga,1", "BSF PORTA,3", "BCF gb,3"),
-         "BTFSS ga,1; BCF gb,3; BTFSC ga,1; BSF PORTA,3; " + END),
+            "BTFSS ga,1; BCF gb,3; BTFSC ga,1; BSF PORTA,3; " + END),
         (choice("BTFSS ga,1", "MOVWF gc", "BCF gb,3"), None),
         (choice("BTFSS ga,1", "INCF gc,F", "BCF gb,3"), None),
         # no delay, call, skip or assembly
@@ -84,21 +77,15 @@ def choice(test: str, yes: str, other: str, end: str = END) -> str:
         ("BTFSS ga,1; NOP; BSF gb,3; GOTO e; no: BCF gb,3; e: RETURN", None),
         ("DECFSZ ga,F; GOTO no; BSF gb,3; GOTO e; no: BCF gb,3; e: RETURN", None),
         # both arms return or go to the same place
-        (
-            "BTFSS ga,1; GOTO no; BSF gb,3; RETURN; no: BCF gb,3; RETURN; e: NOP",
-            "BTFSS ga,1; BCF gb,3; BTFSC ga,1; BSF gb,3; RETURN; e: NOP",
-        ),
-        (
-            "BTFSS ga,1; GOTO no; BSF gb,3; GOTO x; no: BCF gb,3; GOTO x; e: NOP; x: RETURN",
-            "BTFSS ga,1; BCF gb,3; BTFSC ga,1; BSF gb,3; GOTO x; e: NOP; x: RETURN",
-        ),
+        ("BTFSS ga,1; GOTO no; BSF gb,3; RETURN; no: BCF gb,3; RETURN; e: NOP",
+            "BTFSS ga,1; BCF gb,3; BTFSC ga,1; BSF gb,3; RETURN; e: NOP"),
+        ("BTFSS ga,1; GOTO no; BSF gb,3; GOTO x; no: BCF gb,3; GOTO x; e: NOP; x: RETURN",
+            "BTFSS ga,1; BCF gb,3; BTFSC ga,1; BSF gb,3; GOTO x; e: NOP; x: RETURN"),
         ("BTFSS ga,1; GOTO no; BSF gb,3; RETURN; no: BCF gb,3; GOTO x; e: NOP; x: RETURN", None),
         ("BTFSS ga,1; GOTO no; BSF gb,3; RETURN; no: BCF gb,3; e: RETURN", None),
         # at the end of the function
-        (
-            "BTFSS ga,1; GOTO no; BSF gb,3; RETURN; no: BCF gb,3; RETURN",
-            "BTFSS ga,1; BCF gb,3; BTFSC ga,1; BSF gb,3; RETURN",
-        ),
+        ("BTFSS ga,1; GOTO no; BSF gb,3; RETURN; no: BCF gb,3; RETURN",
+            "BTFSS ga,1; BCF gb,3; BTFSC ga,1; BSF gb,3; RETURN"),
     ],
 )  # fmt: skip
 def test_a_choice_between_two_instructions(before: str, after: str | None) -> None:
@@ -112,31 +99,16 @@ MOVED = "{same}; BTFSS {test}; GOTO no; MOVLW 1; MOVWF gb; GOTO e; no: MOVLW 2; 
 @every(
     ("test", "same", "moved"),
     [
-        ("ga,1", "CLRF gb", True),
-        ("ga,1", "INCF gc,F", True),
-        ("ga,1", "MOVLW 9", True),
-        ("ga,1", "CLRF ga", False),
-        ("ga,1", "CLRF fa", False),
-        ("ga,1", "MOVF ga,W", True),
-        ("ga,1", "MOVF PORTB,W", False),
-        ("ga,1", "MOVWF PORTB", False),
-        ("ga,1", "MOVF va,W", False),
-        ("ga,1", "CALL h", False),
-        ("ga,1", "DELAY 4", False),
-        ("ga,1", "*CLRF gb", False),
-        ("ga,1", "BSF C", True),
-        ("C", "MOVWF gb", True),
-        ("C", "MOVLW 5", True),
-        ("C", "BSF gb,1", True),
-        ("C", "CLRF gb", False),
-        ("C", "BSF Z", False),
-        ("C", "INCF gb,F", False),
-        ("PORTA,1", "MOVF gb,W", True),
-        ("PORTA,1", "MOVWF gb", False),
-        ("va,1", "ADDLW 3", True),
+        ("ga,1", "CLRF gb", True), ("ga,1", "INCF gc,F", True), ("ga,1", "MOVLW 9", True),
+        ("ga,1", "CLRF ga", False), ("ga,1", "CLRF fa", False), ("ga,1", "MOVF ga,W", True),
+        ("ga,1", "MOVF PORTB,W", False), ("ga,1", "MOVWF PORTB", False), ("ga,1", "MOVF va,W", False),
+        ("ga,1", "CALL h", False), ("ga,1", "DELAY 4", False), ("ga,1", "*CLRF gb", False),
+        ("ga,1", "BSF C", True), ("C", "MOVWF gb", True), ("C", "MOVLW 5", True), ("C", "BSF gb,1", True),
+        ("C", "CLRF gb", False), ("C", "BSF Z", False), ("C", "INCF gb,F", False),
+        ("PORTA,1", "MOVF gb,W", True), ("PORTA,1", "MOVWF gb", False), ("va,1", "ADDLW 3", True),
         ("va,1", "MOVWF gb", False),
     ],
-)
+)  # fmt: skip
 def test_what_both_arms_begin_with_stands_once_in_front(test: str, same: str, moved: bool) -> None:
     before = STARTS.format(test=test, same=same)
     after = MOVED.format(test=test, same=same)
@@ -177,22 +149,14 @@ def test_one_instruction_is_left_in_either_arm() -> None:
 @every(
     ("before", "after"),
     [
-        (
-            choice("BTFSS ga,1", "MOVLW 5; MOVWF gb", "CLRF gb"),
-            "MOVLW 0; BTFSC ga,1; MOVLW 5; MOVWF gb; " + END,
-        ),
-        (
-            "SWAPF gx,F; " + choice("BTFSS ga,1", "MOVLW 5; MOVWF gb", "CLRF gb"),
-            "SWAPF gx,F; MOVLW 0; BTFSC ga,1; MOVLW 5; MOVWF gb; " + END,
-        ),
-        (
-            choice("BTFSC ga,1", "CLRF gb", "MOVLW 5; MOVWF gb"),
-            "MOVLW 5; BTFSS ga,1; MOVLW 0; MOVWF gb; " + END,
-        ),
-        (
-            "BTFSC Z; GOTO no; CLRF gb; RETURN; no: MOVLW 5; MOVWF gb; RETURN",
-            "MOVLW 5; BTFSS Z; MOVLW 0; MOVWF gb; RETURN",
-        ),
+        (choice("BTFSS ga,1", "MOVLW 5; MOVWF gb", "CLRF gb"),
+            "MOVLW 0; BTFSC ga,1; MOVLW 5; MOVWF gb; " + END),
+        ("SWAPF gx,F; " + choice("BTFSS ga,1", "MOVLW 5; MOVWF gb", "CLRF gb"),
+            "SWAPF gx,F; MOVLW 0; BTFSC ga,1; MOVLW 5; MOVWF gb; " + END),
+        (choice("BTFSC ga,1", "CLRF gb", "MOVLW 5; MOVWF gb"),
+            "MOVLW 5; BTFSS ga,1; MOVLW 0; MOVWF gb; " + END),
+        ("BTFSC Z; GOTO no; CLRF gb; RETURN; no: MOVLW 5; MOVWF gb; RETURN",
+            "MOVLW 5; BTFSS Z; MOVLW 0; MOVWF gb; RETURN"),
         (choice("BTFSC Z", "CLRF gb", "MOVLW 5; MOVWF gc"), None),
         (choice("BTFSC Z", "CLRF PORTB", "MOVLW 5; MOVWF PORTB"), None),
         (choice("BTFSC Z", "CLRF gb", "MOVF gc,W; MOVWF gb"), None),
@@ -202,7 +166,7 @@ def test_one_instruction_is_left_in_either_arm() -> None:
         (choice("BTFSC Z", "CLRF gb", "MOVLW 5; MOVWF gb", "e: BTFSC Z; CLRF gz; RETURN"), None),
         ("BTFSC Z; GOTO no; CLRF gb; GOTO x; no: MOVLW 5; MOVWF gb; e: RETURN; x: NOP", None),
     ],
-)
+)  # fmt: skip
 def test_a_choice_between_zero_and_another_constant(before: str, after: str | None) -> None:
     check(short_branches, before, after)
 
@@ -287,16 +251,9 @@ TESTS = ("C", "Z", "DC", "RP0", "ga,1", "fa,1", "va,1", "l,7", "PORTB,0", "FSR,0
 PLACES = ("ga", "fb", "va", "l", "PORTB", "FSR", "INDF", "STATUS")
 OTHERS = ("MOVLW 3", "ADDLW 1", "ANDLW 1", "IORLW 0", "CLRW", "NOP", "DELAY 3", "CALL g", "GOTO b", "RETURN")
 FORMS = (
-    "MOVWF {}",
-    "MOVF {},W",
-    "MOVF {},F",
-    "CLRF {}",
-    "INCF {},W",
-    "INCF {},F",
-    "RLF {},F",
-    "BSF {},0",
+    "MOVWF {}", "MOVF {},W", "MOVF {},F", "CLRF {}", "INCF {},W", "INCF {},F", "RLF {},F", "BSF {},0",
     "BCF {},1",
-)
+)  # fmt: skip
 
 
 def test_what_may_pass_a_test_and_after_what_it_may_be_repeated() -> None:

@@ -27,13 +27,8 @@ def test_the_longest_chain_below_each_function() -> None:
         main="CALL a; CALL b; GOTO c", a="RETURN", b="CALL d; RETURN", c="CALL b; RETURN", d="RETURN"
     )
     assert depths(made) == {
-        "main": ["b", "d"],
-        "a": [],
-        "b": ["d"],
-        "c": ["b", "d"],
-        "d": [],
-        "start": ["b", "d"],
-    }
+        "main": ["b", "d"], "a": [], "b": ["d"], "c": ["b", "d"], "d": [], "start": ["b", "d"],
+    }  # fmt: skip
 
 
 def test_a_jump_into_a_function_takes_no_level() -> None:

@@ -44,42 +44,26 @@ def test_what_is_not_reached_goes_with_the_labels_that_nobody_names(before: str,
     [
         ("MOVLW 1; MOVWF t; RETURN", "MOVLW 1; RETURN"),
         ("MOVLW 1; MOVLW 2; " + KEEP_W, "MOVLW 2; " + KEEP_W),
-        ("MOVLW 1; CALL g; RETURN", None),
-        ("MOVLW 1; MOVWF gx; RETURN", None),
-        ("MOVLW 1; MOVWF n; RETURN", None),
-        ("MOVLW 1; MOVWF v; RETURN", None),
-        ("MOVLW 1; MOVWF PORTB; RETURN", None),
-        ("CLRF t; RETURN", "RETURN"),
-        ("CLRF t; MOVF t,W; " + KEEP_W, None),
-        ("INCF t,F; RETURN", "RETURN"),
-        ("BSF t,3; RETURN", "RETURN"),
-        ("MOVF ga,W; RETURN", "RETURN"),
-        ("MOVF v,W; RETURN", None),
-        ("MOVF PORTB,W; RETURN", None),
-        ("MOVF n,W; RETURN", "RETURN"),
-        ("MOVF ga,F; RETURN", None),
-        ("MOVF t,F; RETURN", "RETURN"),
-        ("*MOVLW 1; RETURN", None),
-        ("NOP; CLRWDT; SLEEP; RETURN", None),
-        ("MOVF ga,W; " + KEEP_Z, None),
-        ("ADDLW 1; " + KEEP_C, None),
-        ("RLF ga,W; " + KEEP_C, None),
+        ("MOVLW 1; CALL g; RETURN", None), ("MOVLW 1; MOVWF gx; RETURN", None),
+        ("MOVLW 1; MOVWF n; RETURN", None), ("MOVLW 1; MOVWF v; RETURN", None),
+        ("MOVLW 1; MOVWF PORTB; RETURN", None), ("CLRF t; RETURN", "RETURN"),
+        ("CLRF t; MOVF t,W; " + KEEP_W, None), ("INCF t,F; RETURN", "RETURN"), ("BSF t,3; RETURN", "RETURN"),
+        ("MOVF ga,W; RETURN", "RETURN"), ("MOVF v,W; RETURN", None), ("MOVF PORTB,W; RETURN", None),
+        ("MOVF n,W; RETURN", "RETURN"), ("MOVF ga,F; RETURN", None), ("MOVF t,F; RETURN", "RETURN"),
+        ("*MOVLW 1; RETURN", None), ("NOP; CLRWDT; SLEEP; RETURN", None), ("MOVF ga,W; " + KEEP_Z, None),
+        ("ADDLW 1; " + KEEP_C, None), ("RLF ga,W; " + KEEP_C, None),
         ("RLF ga,W; " + KEEP_Z, "BTFSC Z; INCF gz,F; RETURN"),
         ("INCF ga,W; " + KEEP_C, KEEP_C),
         ("ADDLW 1; BTFSC DC; INCF gz,F; RETURN", None),
-        ("BSF C; RETURN", None),
-        ("CLRF STATUS; RETURN", None),
-        ("DECFSZ t,F; NOP; RETURN", None),
+        ("BSF C; RETURN", None), ("CLRF STATUS; RETURN", None), ("DECFSZ t,F; NOP; RETURN", None),
         # only the flags of a store are needed: it goes to W
         ("INCF t,F; " + KEEP_Z, "INCF t,W; " + KEEP_Z),
         ("SUBWF t,F; " + KEEP_C, "SUBWF t,W; " + KEEP_C),
         ("INCF t,F; MOVF t,W; BTFSC Z; MOVWF gz; RETURN", None),
         ("INCF t,F; BTFSC Z; MOVWF gz; RETURN", None),
-        ("MOVF t,F; " + KEEP_Z, None),
-        ("INCF ga,F; " + KEEP_Z, None),
-        ("*INCF t,F; " + KEEP_Z, None),
+        ("MOVF t,F; " + KEEP_Z, None), ("INCF ga,F; " + KEEP_Z, None), ("*INCF t,F; " + KEEP_Z, None),
     ],
-)
+)  # fmt: skip
 def test_what_nobody_reads_is_not_computed(before: str, after: str | None) -> None:
     check(drop_dead, before, after)
 
@@ -87,14 +71,11 @@ def test_what_nobody_reads_is_not_computed(before: str, after: str | None) -> No
 @every(
     ("before", "after"),
     [
-        ("BTFSC ga,1; CLRF t; RETURN", "RETURN"),
-        ("BTFSC Z; CLRF t; RETURN", "RETURN"),
+        ("BTFSC ga,1; CLRF t; RETURN", "RETURN"), ("BTFSC Z; CLRF t; RETURN", "RETURN"),
         # the count of a DECFSZ is needed, and assembly stays
-        ("DECFSZ ga,F; CLRF t; RETURN", None),
-        ("*BTFSC ga,1; CLRF t; RETURN", None),
+        ("DECFSZ ga,F; CLRF t; RETURN", None), ("*BTFSC ga,1; CLRF t; RETURN", None),
         # what a test reads of a register or a volatile byte is read even if nothing depends on it
-        ("BTFSC PORTB,1; CLRF t; RETURN", None),
-        ("BTFSS va,1; MOVLW 1; RETURN", None),
+        ("BTFSC PORTB,1; CLRF t; RETURN", None), ("BTFSS va,1; MOVLW 1; RETURN", None),
         ("BTFSS INDF,1; MOVLW 1; RETURN", None),
         ("BTFSC va,1; BTFSC ga,2; CLRF t; RETURN", None),
         ("BTFSC ga,1; BTFSC va,2; CLRF t; RETURN", None),
@@ -105,19 +86,11 @@ def test_what_nobody_reads_is_not_computed(before: str, after: str | None) -> No
         ("BTFSC ga,1; INCFSZ ga,F; CLRF t; RETURN", None),
         ("DECFSZ ga,F; BTFSC ga,2; CLRF t; RETURN", None),
         # what stays in one place goes in others
-        *(
-            (f"CLRF t; {skips}; CLRF t; CLRF t1; RETURN", f"{skips}; CLRF t; RETURN")
-            for skips in (
-                "DECFSZ ga,F",
-                "*BTFSC ga,1",
-                "BTFSC va,1",
-                "BTFSC ga,1; INCFSZ ga,F",
-                "DECFSZ ga,F; BTFSC ga,2",
-                "BTFSC PORTB,1; BTFSC ga,2",
-            )
-        ),
+        *((f"CLRF t; {skips}; CLRF t; CLRF t1; RETURN", f"{skips}; CLRF t; RETURN") for skips in (
+            "DECFSZ ga,F", "*BTFSC ga,1", "BTFSC va,1", "BTFSC ga,1; INCFSZ ga,F", "DECFSZ ga,F; BTFSC ga,2",
+            "BTFSC PORTB,1; BTFSC ga,2")),
     ],
-)
+)  # fmt: skip
 def test_a_skip_goes_with_the_instruction_that_it_guards(before: str, after: str | None) -> None:
     check(drop_dead, before, after)
 

@@ -49,21 +49,16 @@ def test_jumps_in_a_circle_are_not_followed_for_long() -> None:
     [
         ("GOTO a; a: NOP", "a: NOP"),
         ("CLRF gx; GOTO a; a: NOP", "CLRF gx; a: NOP"),
-        ("GOTO b; a: b: NOP", "a: b: NOP"),
-        ("GOTO a; NOP; a: NOP", None),
-        ("*GOTO a; a: NOP", None),
+        ("GOTO b; a: b: NOP", "a: b: NOP"), ("GOTO a; NOP; a: NOP", None), ("*GOTO a; a: NOP", None),
         ("GOTO a", None),
         # with the test that decides about it
         ("BTFSC Z; GOTO a; a: NOP", "a: NOP"),
         ("CLRF gx; BTFSS ga,3; GOTO a; a: NOP", "CLRF gx; a: NOP"),
-        ("DECFSZ ga,F; GOTO a; a: NOP", None),
-        ("BTFSC PORTB,7; GOTO a; a: NOP", None),
-        ("BTFSC va,7; GOTO a; a: NOP", None),
-        ("*BTFSC Z; GOTO a; a: NOP", None),
-        ("BTFSC C; BTFSC Z; GOTO a; a: NOP", None),
-        ("BTFSC Z; b: GOTO a; a: NOP", None),
+        ("DECFSZ ga,F; GOTO a; a: NOP", None), ("BTFSC PORTB,7; GOTO a; a: NOP", None),
+        ("BTFSC va,7; GOTO a; a: NOP", None), ("*BTFSC Z; GOTO a; a: NOP", None),
+        ("BTFSC C; BTFSC Z; GOTO a; a: NOP", None), ("BTFSC Z; b: GOTO a; a: NOP", None),
     ],
-)
+)  # fmt: skip
 def test_a_jump_to_the_next_instruction_goes(before: str, after: str | None) -> None:
     check(drop_jumps_to_next, before, after)
 
@@ -81,19 +76,15 @@ def test_a_jump_to_the_next_instruction_goes(before: str, after: str | None) -> 
         ("BTFSC Z; GOTO a; CLRF gx; CLRF gy; a: NOP", None),
         ("BTFSC Z; GOTO a; CLRF gx; GOTO b; b: NOP; a: NOP", "BTFSC Z; GOTO a; CLRF gx; b: NOP; a: NOP"),
         ("BTFSC Z; GOTO a; c: CLRF gx; a: NOP", None),
-        ("BTFSC Z; GOTO a; BTFSC C; a: NOP", None),
-        ("BTFSC Z; GOTO a; DELAY 9; a: NOP", None),
-        ("BTFSC Z; GOTO a; *CLRF gx; a: NOP", None),
-        ("BTFSC Z; *GOTO a; CLRF gx; a: NOP", None),
+        ("BTFSC Z; GOTO a; BTFSC C; a: NOP", None), ("BTFSC Z; GOTO a; DELAY 9; a: NOP", None),
+        ("BTFSC Z; GOTO a; *CLRF gx; a: NOP", None), ("BTFSC Z; *GOTO a; CLRF gx; a: NOP", None),
         ("*BTFSC Z; GOTO a; CLRF gx; a: NOP", None),
         ("BTFSC Z; b: GOTO a; CLRF gx; a: NOP", None),
-        ("BTFSC Z; NOP; CLRF gx; a: NOP", None),
-        ("BTFSC Z; CALL a; CLRF gx; a: NOP", None),
+        ("BTFSC Z; NOP; CLRF gx; a: NOP", None), ("BTFSC Z; CALL a; CLRF gx; a: NOP", None),
         ("INCFSZ ga,F; GOTO a; CLRF gx; a: NOP", None),
         ("BTFSC C; BTFSC Z; GOTO a; CLRF gx; a: NOP", None),
-        ("BTFSC Z; RETURN; CLRF gx; a: NOP", None),
-        ("BTFSC Z; GOTO a; CLRF gx", None),
+        ("BTFSC Z; RETURN; CLRF gx; a: NOP", None), ("BTFSC Z; GOTO a; CLRF gx", None),
     ],
-)
+)  # fmt: skip
 def test_a_jump_over_one_instruction_becomes_a_skip(before: str, after: str | None) -> None:
     check(drop_jumps_to_next, before, after)

@@ -49,16 +49,12 @@ class Writer:
         """One instruction, or two that passes look for."""
         name, literal = self.name(), self.random.choice(LITERALS)
         single = [
-            f"MOVLW {literal}",
-            f"MOVF {name},W",
-            f"MOVWF {name}",
-            f"CLRF {name}",
+            f"MOVLW {literal}", f"MOVF {name},W", f"MOVWF {name}", f"CLRF {name}",
             f"{self.one('INCF', 'DECF', 'COMF', 'RLF', 'SWAPF')} {name},{self.one('W', 'F')}",
             f"{self.one('ADDWF', 'SUBWF', 'ANDWF', 'IORWF', 'XORWF')} {name},{self.one('W', 'F')}",
             f"{self.one('ADDLW', 'SUBLW', 'ANDLW', 'IORLW')} {literal}",
-            f"MOVF {name},F",
-            f"{self.one('BSF', 'BCF')} {self.bit()}",
-        ]
+            f"MOVF {name},F", f"{self.one('BSF', 'BCF')} {self.bit()}",
+        ]  # fmt: skip
         chosen = self.random.random()
         if chosen < 0.06:
             return [self.one("NOP", "DELAY 5", "CALL g", "CALL g", "*NOP", "*INCF ga,F")]

@@ -61,25 +61,19 @@ def test_zeros_are_cleared_and_nothing_is_copied_to_itself(before: str, after: s
         ("MOVLW 1; ADDWF ga,F; RETURN", "INCF ga,F; RETURN"),
         ("MOVLW 255; ADDWF ga,F; RETURN", "DECF ga,F; RETURN"),
         ("MOVLW 1; ADDWF ga,W; " + LIVE_W, "INCF ga,W; " + LIVE_W),
-        ("MOVLW 1; ADDWF ga,F; " + LIVE_W, None),
-        ("MOVLW 2; ADDWF ga,F; RETURN", None),
-        ("MOVLW 254; ADDWF ga,F; RETURN", None),
-        ("MOVLW 1; SUBWF ga,F; RETURN", None),
+        ("MOVLW 1; ADDWF ga,F; " + LIVE_W, None), ("MOVLW 2; ADDWF ga,F; RETURN", None),
+        ("MOVLW 254; ADDWF ga,F; RETURN", None), ("MOVLW 1; SUBWF ga,F; RETURN", None),
         ("MOVLW 1; ADDWF ga,F; " + LIVE_C, None),
         ("MOVLW 1; ADDWF ga,F; BTFSC DC; INCF gz,F; RETURN", None),
         ("MOVLW 1; ADDWF ga,F; " + LIVE_Z, "INCF ga,F; " + LIVE_Z),
         ("MOVF ga,W; ADDLW 1; " + LIVE_W, "INCF ga,W; " + LIVE_W),
         ("MOVF ga,W; ADDLW 255; " + LIVE_W, "DECF ga,W; " + LIVE_W),
-        ("MOVF ga,W; ADDLW 3; " + LIVE_W, None),
-        ("MOVF ga,F; ADDLW 1; " + LIVE_W, None),
+        ("MOVF ga,W; ADDLW 3; " + LIVE_W, None), ("MOVF ga,F; ADDLW 1; " + LIVE_W, None),
         ("MOVF ga,W; ADDLW 1; MOVWF gb; " + LIVE_C, None),
-        ("MOVLW 9; RETURN", "RETLW 9"),
-        ("MOVLW 0; RETURN", "RETLW 0"),
-        ("MOVLW 9; RETFIE", None),
-        ("CLRF ga; RETURN", None),
-        ("*MOVLW 9; RETURN", None),
+        ("MOVLW 9; RETURN", "RETLW 9"), ("MOVLW 0; RETURN", "RETLW 0"), ("MOVLW 9; RETFIE", None),
+        ("CLRF ga; RETURN", None), ("*MOVLW 9; RETURN", None),
     ],
-)
+)  # fmt: skip
 def test_counting_and_constant_results(before: str, after: str | None) -> None:
     check(peephole, before, after)
 

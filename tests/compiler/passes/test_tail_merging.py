@@ -18,18 +18,12 @@ def two_ends(first_fixed: bool, second_fixed: bool) -> Function:
     made = Function("f")
     made.extend(
         [
-            Instruction("BTFSC", STATUS, b=Z),
-            Instruction("GOTO", target="f.else"),
-            Instruction("MOVLW", k=1),
-            Instruction("CLRF", A, fixed=first_fixed),
-            Instruction("GOTO", target="f.end"),
-            Label("f.else"),
-            Instruction("MOVLW", k=2),
-            Instruction("CLRF", A, fixed=second_fixed),
-            Label("f.end"),
-            Instruction("RETURN"),
+            Instruction("BTFSC", STATUS, b=Z), Instruction("GOTO", target="f.else"),
+            Instruction("MOVLW", k=1), Instruction("CLRF", A, fixed=first_fixed),
+            Instruction("GOTO", target="f.end"), Label("f.else"), Instruction("MOVLW", k=2),
+            Instruction("CLRF", A, fixed=second_fixed), Label("f.end"), Instruction("RETURN"),
         ]
-    )
+    )  # fmt: skip
     return made
 
 

@@ -92,16 +92,10 @@ def test_the_host_keeps_the_widths_of_the_chip() -> None:
 @pytest.mark.parametrize(
     ("left", "right", "xc8", "c2c"),
     [
-        (U8, U8, S16, U16),
-        (U8, S8, S16, U16),
-        (S8, S8, S16, S16),
-        (U16, S16, U16, U16),
-        (U16, S24, S24, S24),
-        (U24, S16, U24, U24),
-        (U32, S24, U32, U32),
-        (BOOL, BOOL, S16, U16),
+        (U8, U8, S16, U16), (U8, S8, S16, U16), (S8, S8, S16, S16), (U16, S16, U16, U16),
+        (U16, S24, S24, S24), (U24, S16, U24, U24), (U32, S24, U32, U32), (BOOL, BOOL, S16, U16),
     ],
-)
+)  # fmt: skip
 def test_the_usual_arithmetic_conversions(left: object, right: object, xc8: object, c2c: object) -> None:
     assert common(left, right, "xc8") == common(right, left, "xc8") == xc8  # type: ignore[arg-type]
     assert common(left, right, "c2c") == common(right, left, "c2c") == c2c  # type: ignore[arg-type]
@@ -139,21 +133,15 @@ WATCHED = 0x4B
 def test_the_watcher_sees_every_store() -> None:
     """Direct and through FSR, one that changes nothing too; not reads, nor what comes before the start."""
     words = [
-        encode("MOVWF", f=WATCHED),
-        encode("CLRF", f=DONE),
-        encode("MOVLW", k=5),
+        encode("MOVWF", f=WATCHED), encode("CLRF", f=DONE), encode("MOVLW", k=5),
         encode("MOVWF", f=WATCHED),  # 5
-        encode("MOVLW", k=WATCHED),
-        encode("MOVWF", f=4),
-        encode("INCF", f=0, d=1),  # 6
+        encode("MOVLW", k=WATCHED), encode("MOVWF", f=4), encode("INCF", f=0, d=1),  # 6
         encode("MOVF", f=WATCHED, d=1),  # 6: read and written back
         encode("BSF", f=WATCHED, b=0),  # 7
-        encode("BTFSC", f=WATCHED, b=0),
-        encode("MOVF", f=WATCHED, d=0),
-        encode("MOVWF", f=WATCHED - 1),
+        encode("BTFSC", f=WATCHED, b=0), encode("MOVF", f=WATCHED, d=0), encode("MOVWF", f=WATCHED - 1),
         encode("DECFSZ", f=WATCHED, d=1),  # 6
         encode("GOTO", k=13),
-    ]
+    ]  # fmt: skip
     seen = stores(Image(dict(enumerate(words))), {WATCHED}, 40)
     assert seen == tuple(number for value in (5, 6, 6, 7, 6) for number in (WATCHED, value))
     assert stores(Image(dict(enumerate(words))), {WATCHED - 1}, 40) == (WATCHED - 1, 7)
@@ -165,14 +153,10 @@ def test_the_host_logs_every_store() -> None:
     parts = Variable("w1", fields, "global", where="watched @ 0x49")
     a, b, c = (MemberOf(Var(parts), each) for each in fields.members)
     body = (
-        ExprStmt(Assign(Var(byte), Num(3))),
-        ExprStmt(Update("|", Var(byte), Num(4))),
-        ExprStmt(Step("++", Var(byte), True)),
-        SetBit("clear", Var(byte), 3),
-        ExprStmt(Assign(b, Num(1))),
-        ExprStmt(Assign(a, Num(2))),
-        ExprStmt(Assign(c, Num(9))),
-    )
+        ExprStmt(Assign(Var(byte), Num(3))), ExprStmt(Update("|", Var(byte), Num(4))),
+        ExprStmt(Step("++", Var(byte), True)), SetBit("clear", Var(byte), 3), ExprStmt(Assign(b, Num(1))),
+        ExprStmt(Assign(a, Num(2))), ExprStmt(Assign(c, Num(9))),
+    )  # fmt: skip
     main = generate(0, "xc8").functions[-1]
     main.locals, main.body = (), body
     program = replace(generate(0, "xc8"), globals=(byte, parts), structs=(fields,), functions=(main,))

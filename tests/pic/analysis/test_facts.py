@@ -205,16 +205,11 @@ def test_a_byte_written_on_one_of_two_paths_only_is_found_where_it_is_read() -> 
 @pytest.mark.parametrize(
     ("text", "place"),
     [
-        (" movwf 0x20", "W"),
-        (" rlf PORTB, w", "C"),
-        (" btfsc STATUS, 2\n nop", "Z"),
-        (" btfsc STATUS, 1\n nop", "DC"),
-        (" movf TMR0, w", "TMR0"),
-        (" clrf INDF", "FSR"),
-        (" movf FSR, w", "FSR"),
-        (" decfsz 0x4F, f\n nop", "byte 0x4F"),
+        (" movwf 0x20", "W"), (" rlf PORTB, w", "C"), (" btfsc STATUS, 2\n nop", "Z"),
+        (" btfsc STATUS, 1\n nop", "DC"), (" movf TMR0, w", "TMR0"), (" clrf INDF", "FSR"),
+        (" movf FSR, w", "FSR"), (" decfsz 0x4F, f\n nop", "byte 0x4F"),
     ],
-)
+)  # fmt: skip
 def test_what_a_reset_leaves_undefined_is_found_where_it_is_used_first(text: str, place: str) -> None:
     answer = facts(f"main\n{text}\nhere\n goto here").unwritten_reads()
     assert answer.status is Status.FOUND
@@ -312,33 +307,19 @@ FILLER = " nop\n" * 5
         # A called function runs on into the next: CALL 2, NOP 1, five NOPs, RETURN 2.
         (f"main\n call f\ndone\n call g\n goto main\nf\n nop\ng\n{FILLER} return\n", "main", (10, 10)),
         # A computed jump is the last word before a function, and leads to no RETLW.
-        (
-            "main\n call f\ndone\n call g\n goto main\nf\n clrf PCLATH\n movlw far\n movwf PCL\ng\n return\n"
-            f"far\n{FILLER} return\n",
-            "main",
-            (2 + 2 + 2 + 5 + 2, 2 + 2 + 2 + 5 + 2),
-        ),
+        ("main\n call f\ndone\n call g\n goto main\nf\n clrf PCLATH\n movlw far\n movwf PCL\ng\n return\n"
+            f"far\n{FILLER} return\n", "main", (2 + 2 + 2 + 5 + 2, 2 + 2 + 2 + 5 + 2)),
         # BCF INDF, 0 clears the carry: 0x03 is STATUS.
-        (
-            "main\n bsf STATUS, 0\n movlw 3\n movwf FSR\n btfsc PORTB, 0\n bcf INDF, 0\n"
-            f" btfsc STATUS, 0\n goto done\n{FILLER}done\n goto main\n",
-            "main",
-            (3 + 2 + 1 + 2, 3 + 1 + 1 + 2 + 5),
-        ),
+        ("main\n bsf STATUS, 0\n movlw 3\n movwf FSR\n btfsc PORTB, 0\n bcf INDF, 0\n"
+            f" btfsc STATUS, 0\n goto done\n{FILLER}done\n goto main\n", "main", (3 + 2 + 1 + 2,
+            3 + 1 + 1 + 2 + 5)),
         # The end is inside of a loop that counts.
-        (
-            "main\n movlw 10\n movwf 0x20\nloop\n decfsz 0x20, f\ndone\n goto loop\n goto done\n",
-            "main",
-            (3, 3),
-        ),
+        ("main\n movlw 10\n movwf 0x20\nloop\n decfsz 0x20, f\ndone\n goto loop\n goto done\n", "main", (3,
+            3)),
         # ADDWF with PCL clears Z: after the RETLW, BTFSS 1, GOTO 2, five NOPs and GOTO 2; or 2 if it skips.
-        (
-            "main\n clrf PCLATH\n call f\n btfss STATUS, 2\n goto more\ndone\n call g\n goto main\n"
+        ("main\n clrf PCLATH\n call f\n btfss STATUS, 2\n goto more\ndone\n call g\n goto main\n"
             f"more\n{FILLER} goto done\nf\n movf PORTB, w\n andlw 1\n bsf STATUS, 2\n addwf PCL, f\n"
-            " retlw 1\n retlw 2\ng\n return\n",
-            "f",
-            (3 + 4 + 2, 3 + 4 + 1 + 2 + 5 + 2),
-        ),
+            " retlw 1\n retlw 2\ng\n return\n", "f", (3 + 4 + 2, 3 + 4 + 1 + 2 + 5 + 2)),
     ],
 )  # fmt: skip
 def test_times_that_what_is_known_before_would_make_too_short(
@@ -375,25 +356,19 @@ def test_interrupts_of_tmr0_are_added_as_often_as_they_can_come() -> None:
         (("0xA0", "0x90"), "RB0/INT can come at any time"),
         (("bcf INTCON, 2", "nop"), "without clearing T0IF"),
         (("swapf 0x41, w", "nop"), "does not restore"),
-        (
-            (
-                "bcf INTCON, 2",
-                "movf PORTB, w\n andlw 1\n addwf PCL, f\n goto $ + 2\n goto $ + 2\n bcf INTCON, 2",
-            ),
-            "without clearing T0IF",
-        ),
+        (("bcf INTCON, 2",
+            "movf PORTB, w\n andlw 1\n addwf PCL, f\n goto $ + 2\n goto $ + 2\n bcf INTCON, 2"),
+            "without clearing T0IF"),
         (("begin\n", "begin\n bsf INTCON, 2\n"), "may set T0IF itself"),
         (("movlw 0xA0", "movlw 0xA4"), "may set T0IF itself"),
         (("movlw 0x88", "movlw 0x28"), "counts pulses of RA4"),
         # Enabled before TMR0 has its clock: until then it counts at whatever rate RA4 has.
-        (
-            ("bsf STATUS, 5\n movlw 0x88", "movlw 0xA0\n movwf INTCON\n bsf STATUS, 5\n movlw 0x88"),
-            "counts pulses of RA4",
-        ),
+        (("bsf STATUS, 5\n movlw 0x88", "movlw 0xA0\n movwf INTCON\n bsf STATUS, 5\n movlw 0x88"),
+            "counts pulses of RA4"),
         (("begin\n", "begin\n movf PORTA, w\n movwf TMR0\n"), "writes to TMR0 is not known"),
         (("begin\n", "begin\n movlw 250\n movwf TMR0\n"), "leaves no time"),
     ],
-)
+)  # fmt: skip
 def test_interrupts_that_are_not_bounded_leave_the_time_open(change: tuple[str, str], why: str) -> None:
     enable = (
         " clrf TMR0\n bsf STATUS, 5\n movlw 0x88\n movwf 0x01\n bcf STATUS, 5\n movlw 0xA0\n movwf INTCON\n"

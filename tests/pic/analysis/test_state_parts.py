@@ -169,27 +169,14 @@ def test_a_pointer_to_a_register_that_is_not_followed_reads_anything(pointer: in
 @pytest.mark.parametrize(
     ("text", "unwritten"),
     [
-        (" movf TMR0, w", {TMR0}),
-        (" movwf TMR0", {W}),
-        (" movf STATUS, w", {CARRY, DIGIT, ZERO}),
-        (" btfsc STATUS, 0", {CARRY}),
-        (" btfss STATUS, 1", {DIGIT}),
-        (" btfsc STATUS, 2", {ZERO}),
-        (" btfsc STATUS, 3", set()),
-        (" btfsc STATUS, 5", {BANK}),
-        (" bsf STATUS, 0", set()),
-        (" bcf STATUS, 2", set()),
-        (" movf INDF, w", {FSR}),
-        (" clrf INDF", {FSR}),
-        (" movf PORTB, w", set()),
-        (" movf INTCON, w", set()),
-        (" movf PCL, w", set()),
-        (" option", {W}),
-        (" tris 6", {W}),
-        (" retlw 4", set()),
-        (" goto 0", set()),
+        (" movf TMR0, w", {TMR0}), (" movwf TMR0", {W}), (" movf STATUS, w", {CARRY, DIGIT, ZERO}),
+        (" btfsc STATUS, 0", {CARRY}), (" btfss STATUS, 1", {DIGIT}), (" btfsc STATUS, 2", {ZERO}),
+        (" btfsc STATUS, 3", set()), (" btfsc STATUS, 5", {BANK}), (" bsf STATUS, 0", set()),
+        (" bcf STATUS, 2", set()), (" movf INDF, w", {FSR}), (" clrf INDF", {FSR}), (" movf PORTB, w", set()),
+        (" movf INTCON, w", set()), (" movf PCL, w", set()), (" option", {W}), (" tris 6", {W}),
+        (" retlw 4", set()), (" goto 0", set()),
     ],
-)
+)  # fmt: skip
 def test_what_is_used_that_was_never_written(text: str, unwritten: set[int]) -> None:
     assert step(text, state_of({}))[1].unwritten == unwritten
     known = state_of({}, bits((TMR0, W, CARRY, DIGIT, ZERO, BANK, FSR)))
@@ -311,29 +298,21 @@ def test_the_enable_bits_of_interrupts_after_a_write(text: str, before: set[int]
 CAME_FROM = [
     (" movf 0x25, w", {}, {ZERO: (0x25, "==", 0)}, (0x25,)),
     (" movf 0x25, f", {}, {ZERO: (0x25, "==", 0)}, (0x29, 0x2A)),
-    (" movwf 0x26", {}, {}, (0x29, 0x2A, 0x26)),
-    (" movwf 0x29", {}, {}, (0x2A, 0x29)),
-    (" movwf FSR", {}, {}, (0x29, 0x2A)),
-    (" movwf PCLATH", {}, {}, (0x29, 0x2A)),
-    (" movwf PORTB", {}, {}, (0x29, 0x2A)),
-    (" clrf 0x29", {}, {}, (0x2A,)),
-    (" movlw 5", {}, {}, ()),
+    (" movwf 0x26", {}, {}, (0x29, 0x2A, 0x26)), (" movwf 0x29", {}, {}, (0x2A, 0x29)),
+    (" movwf FSR", {}, {}, (0x29, 0x2A)), (" movwf PCLATH", {}, {}, (0x29, 0x2A)),
+    (" movwf PORTB", {}, {}, (0x29, 0x2A)), (" clrf 0x29", {}, {}, (0x2A,)), (" movlw 5", {}, {}, ()),
     (" andwf 0x25, w", {W: 6}, {ZERO: (0x25, "&", 6)}, ()),
-    (" andwf 0x25, w", {W: ANY}, {}, ()),
-    (" andwf 0x25, f", {W: 6}, {}, (0x29, 0x2A)),
+    (" andwf 0x25, w", {W: ANY}, {}, ()), (" andwf 0x25, f", {W: 6}, {}, (0x29, 0x2A)),
     (" andlw 6", {W: ANY}, {ZERO: (0x2A, "&", 6)}, ()),
     (" subwf 0x25, w", {W: 9}, {ZERO: (0x25, "==", 9), CARRY: (0x25, ">=", 9)}, ()),
-    (" subwf 0x25, f", {W: 9}, {}, (0x29, 0x2A)),
-    (" subwf 0x25, w", {W: ANY}, {}, ()),
+    (" subwf 0x25, f", {W: 9}, {}, (0x29, 0x2A)), (" subwf 0x25, w", {W: ANY}, {}, ()),
     (" subwf PORTB, w", {W: 9}, {}, ()),
     (" xorwf 0x25, w", {W: 9}, {ZERO: (0x25, "==", 9)}, ()),
     (" sublw 9", {}, {ZERO: (0x2A, "==", 9), CARRY: (0x2A, "<=", 9)}, ()),
     (" xorlw 9", {}, {ZERO: (0x2A, "==", 9)}, ()),
     (" addlw 247", {}, {ZERO: (0x2A, "==", 9), CARRY: (0x2A, ">=", 9)}, ()),
-    (" addlw 0", {}, {}, ()),
-    (" iorlw 9", {}, {}, ()),
-    (" incf 0x25, w", {}, {}, ()),
-]
+    (" addlw 0", {}, {}, ()), (" iorlw 9", {}, {}, ()), (" incf 0x25, w", {}, {}, ()),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("text", "known", "facts", "copies"), CAME_FROM)
