@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 from itertools import pairwise
 from random import Random
+from typing import Any
 
 import numpy as np
 import pytest
@@ -35,12 +36,12 @@ SEGMENTS = {
 }
 
 
-def walked(name: str, *segments: Segment, frames: int | None = 48, **options: object) -> Walk:
+def walked(name: str, *segments: Segment, frames: int | None = 48, **options: Any) -> Walk:
     robot = hexapod()
     posture = options.pop("posture", Posture())
     return walk(
         robot, gait(name, robot), segments, posture, PERIOD, CLOCK, frames_per_cycle=frames, **options
-    )  # type: ignore[arg-type]
+    )
 
 
 def standing(made: Walk) -> np.ndarray:

@@ -51,6 +51,6 @@ def test_a_servo_that_does_not_follow_takes_the_robot_off_the_path_of_the_plan()
 @pytest.mark.campaign
 def test_a_model_of_its_own_that_reads_the_files_alone_goes_where_the_twin_goes() -> None:
     """`python -m tests.twin.own_model` compares twelve random robots."""
-    found = compared(stronger(drawn(0, random.Random(1), "hip-lift"), 0))
+    found = compared(stronger(drawn(0, random.Random(1), "hip-lift"), 0, 8))
     assert found.good
     assert abs(found.own[2]) > 0.1 and found.ways[0] > 0.1

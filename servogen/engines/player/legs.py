@@ -10,6 +10,8 @@ not a walk of this kind, because a leg lifts or lands while another one is betwe
     on the spot  ●______╲____○______╲___●           by a law of its own from one standing pose to another,
                                                     without a row between the two
 
+A body that leans has the legs that stand turn by a smooth law: the lean is divided into steps, too.
+
 The middle of a swing of an odd number of frames lies between two frames: times are counted in half frames.
 """
 
