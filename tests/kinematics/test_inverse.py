@@ -364,7 +364,7 @@ def test_the_page_of_the_robots_states_how_many_solutions_each_has() -> None:
 
 
 def test_the_numerical_method_reaches_the_same_targets(sampled_arm, configurations) -> None:
-    pose = fk(sampled_arm, configurations(sampled_arm, 10_000))
+    pose = fk(sampled_arm, configurations(sampled_arm, 2_000))
     found = numerical.search(sampled_arm, pose[:, :3, 3], pose[:, :3, :3])
     assert found.within(1e-7).mean() >= 0.999
     alone = numerical.search(sampled_arm, pose[:, :3, 3])
@@ -507,7 +507,7 @@ def test_the_first_unreachable_target_of_many_is_the_one_named() -> None:
 
 
 def test_no_configuration_is_nearer_than_the_nearest_point(sampled_arm, configurations) -> None:
-    cloud = fk_position(sampled_arm, configurations(sampled_arm, 20_000))
+    cloud = fk_position(sampled_arm, configurations(sampled_arm, 4_000))
     for target in ([2.5, 0.3, 0.2], [0.0, 0.0, -3.0], [0.0, 0.0, 0.0]):
         here = np.linalg.norm(np.subtract(nearest_point(sampled_arm, target), target))
         assert here <= np.linalg.norm(cloud - target, axis=1).min() + 1e-6

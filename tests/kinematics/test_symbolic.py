@@ -47,14 +47,14 @@ def real(text: str) -> sympy.Expr:
 
 @pytest.mark.parametrize("name", POSITIONS)
 def test_the_positions_of_the_table_come_out(name: str) -> None:
-    position = symbolic_fk(arm(name)).position
+    position = links(name).position
     for found, expected in zip(position, POSITIONS[name], strict=True):
         assert sympy.simplify(found - real(expected)) == 0
 
 
 @pytest.mark.parametrize("name", ["scara", "rv-m1", "anthropomorphic", "wrist-arm"])
 def test_the_simplified_product_is_as_short_as_the_printed_one(name: str) -> None:
-    position = symbolic_fk(arm(name)).position
+    position = links(name).position
     printed = sum(sympy.count_ops(real(each)) for each in POSITIONS[name])
     assert sympy.count_ops(position) <= printed + 2
 
