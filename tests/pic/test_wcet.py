@@ -269,7 +269,7 @@ def loops(dice: random.Random, counters: tuple[str, ...]) -> str:
     return first + calls[0] + inner + calls[1] + dice.choice(END_OF_TURN).format(counter=counters[0]) + "\n"
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", sampled(range(20), 8))
 def test_loops_with_calls_take_as_long_as_on_the_chip(seed: int) -> None:
     """Everything is known from the beginning: the shortest and the longest time are the simulator's."""
     dice = random.Random(seed)

@@ -12,6 +12,7 @@ from servogen.pic.image import Image
 from servogen.pic.isa import encode
 from servogen.simulator import Machine, trace
 from servogen.units import Cycles
+from tests.campaigns import sampled
 from tests.pic.analysis.programs import CLOCK, INTERRUPT, assembled, facts
 
 SET_UP = " clrf PORTB\n bsf STATUS, 5\n clrf PORTB\n bcf STATUS, 5\n"
@@ -524,7 +525,7 @@ def test_a_jump_beyond_the_1024_words_leads_into_them_for_they_repeat() -> None:
     assert dict(found.time("0x000", "0x003", interrupts=False).numbers)["maximum_cycles"] == 2 + 2 + 2
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", sampled(range(12), 4))
 def test_any_words_at_all_are_answered(seed: int) -> None:
     rng = random.Random(seed)
     flow = [0x2000, 0x2800, 0x0008, 0x3400, 0x0782, 0x0082, 0x0009]
