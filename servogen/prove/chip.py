@@ -22,6 +22,8 @@ from servogen.edges import HIGH, PINS
 from servogen.pic.device import EEPROM_BYTES, RAM_FIRST, RAM_LAST
 from servogen.pic.image import Image
 from servogen.pic.isa import decode
+from servogen.prove.tape import TapeBeside
+from servogen.pulse.schedule import TapeRule
 from servogen.simulator import layout as at
 from servogen.simulator.core import loop
 from servogen.simulator.layout import EEIE, PD, PS, PSA, RA4, RB0, RB4_TO_7, TO
@@ -91,6 +93,7 @@ class Reason(Enum):
     USE = "an unknown bit decides"
     WARNING = "chips differ"
     LIMIT = "ran for the whole limit"
+    NEVER = "no EEPROM gives the level that was chosen"
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +146,9 @@ class RunOutcome:
     reason: Reason
     cycles: int
     edges: tuple[tuple[int, int, int], ...]
-    """(cycles since the beginning, pin, level): each a change, an undriven pin counting as low."""
+    """(cycles since the beginning, pin, level): each a change, an undriven pin counting as low; without the
+    pins of a tape.
+    """
     read: tuple[int, ...]
     """Places in the RAM that were read before they were written."""
     written: tuple[tuple[int, int], ...]
@@ -194,6 +199,7 @@ class AbstractChip:
         write_us: int | None = None,
         any_eeprom: bool = False,
         of_no_interest: int = 0,
+        tape: TapeRule | None = None,
     ) -> None:
         """Prepare to run `image`.
 
@@ -202,12 +208,14 @@ class AbstractChip:
         `any_watchdog`, the watchdog's period is anywhere in its range instead of that of `options`.
         `write_us` is the maximum time of an EEPROM write, which may end in any cycle; None: exactly the time
         of `options`. With `any_eeprom`, what is read from the EEPROM is unknown.
-        The pins `of_no_interest`, as bits, may be driven to levels that differ from chip to chip.
+        The pins `of_no_interest`, as bits, may be driven to levels that differ from chip to chip. A `tape` is
+        on its pins, in any state after a reset.
         """
         self.image = image
         self.clock = clock
         self._given = options.start
         self._of_no_interest = of_no_interest
+        self.tape = TapeBeside(tape, clock) if tape else None
         self.any_write_time = write_us is not None
         if write_us is not None:
             options = replace(options, eeprom_write_us=write_us)
@@ -239,6 +247,8 @@ class AbstractChip:
         s[at.PINS_UNKNOWN] = ((1 << len(PINS)) - 1) & ~int(s[at.EXT_MASK])
         s[at.INTCON_UNKNOWN] |= at.T0IF
         s[at.T0_PHASE] = 0
+        if self.tape:
+            s[at.DEVICE_PINS], s[at.DEVICES] = self.tape.pins, self.tape.address
         if s[at.WDT_PERIOD]:
             if not any_watchdog:
                 s[at.WDT_SHORTEST] = s[at.WDT_PERIOD]
@@ -257,6 +267,8 @@ class AbstractChip:
         """
         s = self._s
         s[:] = self._template
+        if self.tape:
+            self.tape.load(0, int(s[at.CYCLE]))
         for name, _ in self._given:
             if name == "ram":
                 s[_RAM] &= at.NOT_WRITTEN | 0xFF
@@ -279,6 +291,8 @@ class AbstractChip:
         on = self.power_on()
         s = self._s
         s[:] = self._template
+        if self.tape:
+            self.tape.load(0, int(s[at.CYCLE]))
         s[at.STATUS_UNKNOWN] |= TO | PD  # after another reset than power-on they differ
         cells = self._canonical()
         ram = (
@@ -295,7 +309,8 @@ class AbstractChip:
         With `choices` at least one instruction is executed, and the choices apply to it only. If an unknown
         bit matters, the run ends before that instruction.
         """
-        self._go(state, stops, BASE + limit, choices)
+        if not self._go(state, stops, BASE + limit, choices):
+            return RunOutcome(Reason.NEVER, 0, (), (), (), state.rest)
         used = self._used()
         if used is not None:
             cycle = int(self._s[at.USE_CYCLE])
@@ -429,9 +444,13 @@ class AbstractChip:
             lanes_of[rest] = np.concatenate([lanes_of[rest], group]) if rest in lanes_of else group
         return lanes_of
 
-    def _go(self, state: ChipState, stops: Set[int], end: int, choices: tuple[AssumedBits, ...]) -> None:
+    def _go(self, state: ChipState, stops: Set[int], end: int, choices: tuple[AssumedBits, ...]) -> bool:
+        """Run; return whether the choices are possible."""
         s = self._load(state)
         if choices:
+            read = [choice for choice in choices if self.tape and choice.field == "PINS"]
+            if self.tape and not all(self.tape.saw(choice.bits, choice.value) for choice in read):
+                return False
             earlier = [self._hold(choice) for choice in choices]
             # One instruction, word by word: no wait or region is executed in one step.
             self._call(self._plain, BASE + 1, BASE)
@@ -441,18 +460,19 @@ class AbstractChip:
                 # While a use was noted, no doubt in TMR0's flag was: the counters settle again.
                 self._call(self._plain, int(s[at.CYCLE]), BASE)
             if s[at.USE_KIND]:
-                return
+                return True
             for choice, before in reversed([*zip(choices, earlier, strict=True)]):
                 self._release(choice, before)
             self._doubt_flags()
         if self._interrupt_in_doubt() is not None:
-            return
+            return True
         key = frozenset(stops)
         if key not in self._marked:
             self._marked[key] = marked_code(self._fast.code, self._plain, key)
         stopped = choices and (s[at.SLEEPING] or int(s[at.PC]) & 0x3FF in stops)
         if s[at.CYCLE] < end and not stopped:
             self._call(self._marked[key], end, BASE)
+        return True
 
     def _call(self, code: Code, end: int, resume: int) -> None:
         s = self._s
@@ -474,6 +494,8 @@ class AbstractChip:
         masks[cells >= CELL_PHASED] = at.PHASED
         s[_RAM] = cells & 0xFF | masks << at.UNKNOWN_SHIFT | at.NOT_WRITTEN
         s[_REST] = state.rest
+        if self.tape:
+            s[at.DEVICE_TOLD], s[at.DEVICE_ANSWER] = self.tape.load(state["DEVICE_STATE"], BASE)
         self._close_counters()
         s[at.CYCLE] = BASE
         self._high = state["DRIVEN_HIGH"]
@@ -581,7 +603,7 @@ class AbstractChip:
             if s[at.INTCON] & at.GIE:
                 s[at.IRQ_AT] = min(int(s[at.IRQ_AT]), BASE + 1)
         elif choice.field == "PINS":
-            again = choice.bits & ~int(s[at.DRIVEN])
+            again = choice.bits & ~(int(s[at.DRIVEN]) & ~(int(s[at.LATCH]) & RA4))
             s[at.PINS_UNKNOWN] |= again
             s[at.PINS] &= ~again
         elif choice.field == "TMR0":
@@ -651,10 +673,12 @@ class AbstractChip:
 
     def _changes(self) -> tuple[tuple[int, int, int], ...]:
         count = int(self._s[at.EDGE_COUNT])
-        high = self._high
+        high, bus = self._high, self.tape.pins if self.tape else 0
         changes = []
         for packed in self._edges[:count].tolist():
             pin, level = packed >> at.PACK_PIN & 0x3F, int(packed & at.PACK_LEVELS == HIGH)
+            if bus >> pin & 1:
+                continue
             if high >> pin & 1 != level:
                 high ^= 1 << pin
                 changes.append(((packed >> at.PACK_CYCLE) - BASE, pin, level))
@@ -686,6 +710,8 @@ class AbstractChip:
                 s[value] &= ~int(s[mask])
         s[at.RB_OLD] &= RB4_TO_7
         s[at.EE_CELL] = s[at.EE_BYTE] = 0  # nobody reads what the program has written
+        if self.tape:
+            s[at.DEVICE_STATE] = self.tape.number(now)
         self.released |= int(s[at.RELEASED])
         self._canonical_stack()
         return ChipState(self._cells(), tuple(s[_REST].tolist()))

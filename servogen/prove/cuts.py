@@ -137,6 +137,8 @@ def choose_cuts(
         return {}
     start, fallback = beginning
     levels = {PINS.index(source.pin): source.level for source in schedule.inputs}
+    if schedule.tape is not None:
+        levels[PINS.index(schedule.tape.sda)] = 1  # nobody holds it
     begin = _begin(program, transitions, spec, always, levels)
     best: list[int] = sorted(fallback)
     fewest = (True, 1 << 30)
@@ -275,7 +277,7 @@ def _steps(
         except Violation:
             return
         ram, rest, use, chosen = applied(ram, outcome), transitions.number(outcome.rest), outcome.use, ()
-        if outcome.reason in (Reason.WARNING, Reason.LIMIT):
+        if outcome.reason in (Reason.WARNING, Reason.LIMIT, Reason.NEVER):
             return
         written = frozenset(place for place, _ in outcome.written)
         yield _Step(pc, frozenset(outcome.read), written, ram, rest, position, use)

@@ -338,6 +338,8 @@ class Explorer:
         """Run one way up to the next stop; store the state there, or return where the search goes on."""
         transitions = self.transitions
         outcome = transitions.run(point.ram, point.rest, choices)
+        if outcome.reason is Reason.NEVER:
+            return []
         if outcome.reason is Reason.USE and outcome.cycles == 0:
             # Nothing was executed: the same instruction needs more choices.
             return [replace(point, chosen=choices, use=outcome.use)]

@@ -39,7 +39,7 @@ from servogen.prove.trim_pulses import WrongEdge
 from servogen.prove.trims import TrimProof, TrimResult
 from servogen.prove.wire import FollowedWire
 from servogen.pulse import PulseSchedule
-from servogen.pulse.schedule import START_FRAMES, TAPE_UNKNOWN
+from servogen.pulse.schedule import START_FRAMES
 from servogen.simulator import Machine, SimulatorOptions
 from servogen.units import Cycles
 
@@ -128,8 +128,8 @@ class _Prover:
         """Return the answer: search, add what the search asks for, and search again until it is decided."""
         if self._schedule.wire is not None and not isinstance(self._spec, FollowedWire):
             return self._result(None, None, "the wire from another chip cannot be held at one level")
-        if self._schedule.tape is not None:
-            return self._result(None, None, f"{TAPE_UNKNOWN} is not covered")
+        if self._schedule.tape is not None and self._quantifiers.any_eeprom:
+            return self._result(None, None, "any EEPROM: the trims of a tape are not covered")
         unfit = self._unfit_oscillator()
         if unfit is not None:
             return unfit
@@ -164,7 +164,16 @@ class _Prover:
     def _abstract_chip(self, image: Image, any_eeprom: bool = False) -> AbstractChip:
         """Return the chip on the schedule's board, with another program or content of the EEPROM."""
         watchdog, clock = self._quantifiers.watchdog, self._schedule.clock
-        return AbstractChip(image, clock, self._board, self._held, watchdog, self._longest, any_eeprom)
+        return AbstractChip(
+            image,
+            clock,
+            self._board,
+            self._held,
+            watchdog,
+            self._longest,
+            any_eeprom,
+            tape=self._schedule.tape,
+        )
 
     def _any_eeprom(self, plain: Proof, generaliser: Generaliser, written: frozenset[int]) -> Proof:
         """Return the answer for any content of the EEPROM, where that of the file has been proven, with which
@@ -296,6 +305,12 @@ class _Prover:
         write_us = self._write_us if self._program.eeprom_accesses else None
         assumptions += self._quantifiers.assumed_of_chip(self._board, bool(self._chip.watchdog), write_us)
         assumptions += held_assumptions(self._held, self._schedule)
+        tape = self._schedule.tape
+        if tape is not None:
+            assumptions.append(
+                f"the EEPROM of the tape holds {tape.digest}, is a {tape.eeprom} by its data sheet with A0 "
+                "to A2 low, stays under power, and nothing writes to it (WP high); SCL and SDA have resistors"
+            )
         if not self._quantifiers.tmr0_phase:
             assumptions.append("TMR0 counts from the cycle after OPTION_REG is written")
         assumptions += [

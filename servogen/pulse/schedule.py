@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from hashlib import sha256
 from types import MappingProxyType
 from typing import Any
 
@@ -41,8 +42,6 @@ OPTIONAL: Mapping[str, Any] = MappingProxyType(
 MAX_DISTANCE = 1e9
 """The maximum plan error in any unit; a larger number must be a mistake."""
 
-TAPE_UNKNOWN = "what the EEPROM of a tape may answer"
-"""What no theorem is about."""
 TAPE_FILE = "tape.bin"
 """The file beside a schedule's JSON with the content of its tape."""
 
@@ -241,6 +240,11 @@ class TapeRule:
     """The part."""
     content: bytes = field(default=b"", repr=False)
     """Its bytes, which a file of their own holds (`TAPE_FILE`)."""
+
+    @property
+    def digest(self) -> str:
+        """Return how many bytes the content has, and the beginning of its SHA-256."""
+        return f"{len(self.content)} bytes with SHA-256 {sha256(self.content).hexdigest()[:16]}…"
 
     def to_json(self) -> dict[str, object]:
         return {"scl": self.scl, "sda": self.sda, "eeprom": self.eeprom}

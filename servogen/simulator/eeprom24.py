@@ -53,7 +53,7 @@ PARTS: Mapping[str, MemorySize] = MappingProxyType(
 )
 
 
-class _Limit(NamedTuple):
+class Limit(NamedTuple):
     """A minimum time of the data sheet's table 1-2, from 2.5 V on."""
 
     name: str
@@ -61,16 +61,18 @@ class _Limit(NamedTuple):
     ns: int
 
 
-HIGH_TIME = _Limit("THIGH", "SCL is high", 600)
-LOW_TIME = _Limit("TLOW", "SCL is low", 1300)
-START_HOLD = _Limit("THD:STA", "a start comes before SCL's fall", 600)
-START_SETUP = _Limit("TSU:STA", "SCL is high before a start", 600)
-DATA_SETUP = _Limit("TSU:DAT", "SDA is ready before SCL's rise", 100)
-STOP_SETUP = _Limit("TSU:STO", "SCL is high before a stop", 600)
-FREE_TIME = _Limit("TBUF", "the bus is free before a start", 1300)
+HIGH_TIME = Limit("THIGH", "SCL is high", 600)
+LOW_TIME = Limit("TLOW", "SCL is low", 1300)
+START_HOLD = Limit("THD:STA", "a start comes before SCL's fall", 600)
+START_SETUP = Limit("TSU:STA", "SCL is high before a start", 600)
+DATA_SETUP = Limit("TSU:DAT", "SDA is ready before SCL's rise", 100)
+STOP_SETUP = Limit("TSU:STO", "SCL is high before a stop", 600)
+FREE_TIME = Limit("TBUF", "the bus is free before a start", 1300)
 
 
-class _Phase(Enum):
+class Phase(Enum):
+    """What an EEPROM takes next, or does."""
+
     STANDBY = auto()
     CONTROL = auto()
     HIGH = auto()
@@ -129,7 +131,7 @@ class RunningEEPROM:
         """The first breach of each limit."""
         self._levels = SCL | SDA
         self._pulls = 0
-        self._phase = _Phase.STANDBY
+        self._phase = Phase.STANDBY
         self._bits = 0
         """The clocks of the current byte so far, nine with its acknowledge."""
         self._shift = 0
@@ -165,12 +167,11 @@ class RunningEEPROM:
         self._noted = dict(noted)
 
     def relative(self, cycle: int) -> Any:
+        """Return a snapshot, with nothing noted, as if `cycle` were 0; what is long ago is all the same."""
+        memory, _, *state, busy, scl, sda, start, stop = self.snapshot()
         longest = self._low + self._free
-        times = (self._scl_at, self._sda_at, self._start_at, self._stop_at)
-        return (
-            self.memory, self._levels, self._pulls, self._phase.name, self._bits, self._shift, self._pointer,
-            self._received, max(0, self._busy_until - cycle), [min(cycle - at, longest) for at in times],
-        )  # fmt: skip
+        times = (max(at - cycle, -longest) for at in (scl, sda, start, stop))
+        return memory, (), *state, max(0, busy - cycle), *times
 
     @property
     def remarks(self) -> tuple[tuple[int, Diagnostic], ...]:
@@ -198,14 +199,14 @@ class RunningEEPROM:
         """Take a bit, or the reader's acknowledge."""
         if cycle - self._scl_at < self._low:
             self._remark(cycle, LOW_TIME, cycle - self._scl_at)
-        if self._phase is _Phase.STANDBY:
+        if self._phase is Phase.STANDBY:
             return
         if changed & SDA or cycle - self._sda_at < self._data:
             self._remark(cycle, DATA_SETUP, 0)
         self._bits += 1
-        if self._phase is _Phase.READING:
+        if self._phase is Phase.READING:
             if self._bits == 9 and levels & SDA:  # no acknowledge: the reader wants no more (section 8.0)
-                self._phase = _Phase.STANDBY
+                self._phase = Phase.STANDBY
         elif self._bits <= 8:
             self._shift = self._shift << 1 & 0xFF | levels >> 1
 
@@ -216,11 +217,11 @@ class RunningEEPROM:
         if cycle - self._start_at < self._hold:
             self._remark(cycle, START_HOLD, cycle - self._start_at)
         self._pulls = 0
-        if self._phase is _Phase.STANDBY:
+        if self._phase is Phase.STANDBY:
             return
         if self._bits == 9:
             self._bits = 0
-        if self._phase is _Phase.READING:
+        if self._phase is Phase.READING:
             self._give()
         elif self._bits == 8:
             self._take(cycle)
@@ -236,17 +237,17 @@ class RunningEEPROM:
     def _take(self, cycle: int) -> None:
         """Act on a byte that has arrived, and acknowledge it."""
         byte, phase = self._shift, self._phase
-        if phase is _Phase.CONTROL:
+        if phase is Phase.CONTROL:
             if byte >> 1 != self._control or cycle < self._busy_until:  # section 7.0: no acknowledge yet
-                self._phase = _Phase.STANDBY
+                self._phase = Phase.STANDBY
                 return
-            self._phase = _Phase.READING if byte & READ else _Phase.HIGH
-        elif phase is _Phase.HIGH:
+            self._phase = Phase.READING if byte & READ else Phase.HIGH
+        elif phase is Phase.HIGH:
             self._pointer = byte << 8 & self.size - 1
-            self._phase = _Phase.LOW
-        elif phase is _Phase.LOW:
+            self._phase = Phase.LOW
+        elif phase is Phase.LOW:
             self._pointer = self._pointer | byte
-            self._phase = _Phase.WRITING
+            self._phase = Phase.WRITING
         else:
             self._received = (*self._received, (self._pointer, byte))
             first = self._pointer & -self.page  # the address wraps within the page (section 6.2)
@@ -259,23 +260,23 @@ class RunningEEPROM:
             self._remark(cycle, START_SETUP, cycle - self._scl_at)
         if cycle - self._stop_at < self._free:
             self._remark(cycle, FREE_TIME, cycle - self._stop_at)
-        self._phase, self._bits, self._received = _Phase.CONTROL, 0, ()
+        self._phase, self._bits, self._received = Phase.CONTROL, 0, ()
         self._pulls, self._start_at = 0, cycle
 
     def _stopped(self, cycle: int) -> None:
         """Write what was received, if the stop comes after an acknowledge: its byte is complete."""
         if cycle - self._scl_at < self._stop:
             self._remark(cycle, STOP_SETUP, cycle - self._scl_at)
-        if self._phase is _Phase.WRITING and self._received and self._bits == 1 and not self._protected:
+        if self._phase is Phase.WRITING and self._received and self._bits == 1 and not self._protected:
             memory = bytearray(self.memory)
             for address, byte in self._received:
                 memory[address] = byte
             self.memory = bytes(memory)
             self._busy_until = cycle + self._write_cycles
-        self._phase, self._bits, self._received = _Phase.STANDBY, 0, ()
+        self._phase, self._bits, self._received = Phase.STANDBY, 0, ()
         self._pulls, self._stop_at = 0, cycle
 
-    def _remark(self, cycle: int, limit: _Limit, cycles: int) -> None:
+    def _remark(self, cycle: int, limit: Limit, cycles: int) -> None:
         if limit.name in self._noted:
             return
         ns = float(Fraction(cycles * 10**9) / self._clock.cycles_per_second)

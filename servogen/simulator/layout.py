@@ -120,7 +120,7 @@ RESISTORS = _table.add("RESISTORS", bits=ALL_PINS)
 DEVICES = _table.add("DEVICES")
 DEVICE_PINS = _table.add("DEVICE_PINS")
 DEVICE_TOLD = _table.add("DEVICE_TOLD")
-DEVICE_LOW = _table.add("DEVICE_LOW", Future.STIMULUS)
+DEVICE_ANSWER = _table.add("DEVICE_ANSWER", Future.STIMULUS)
 FLOATING = _table.add("FLOATING")
 
 # The stack and its statistics.
@@ -161,6 +161,7 @@ USE_CYCLE = _table.add("USE_CYCLE")
 # Of the prover: see prove/chip.py.
 ANY_INPUT = _table.add("ANY_INPUT")
 OPTION_WRITES = _table.add("OPTION_WRITES")
+DEVICE_STATE = _table.add("DEVICE_STATE", Future.VALUE)
 
 ROWS = _table.rows()
 ROW = MappingProxyType({row.name: row for row in ROWS})

@@ -118,7 +118,8 @@ class Machine:
         self._s = power_up(image, clock, options, tracked)
         self._bus = Bus(options.devices, clock)
         self._s[at.DEVICES] = self._bus.address
-        self._s[at.DEVICE_PINS] = sum(1 << pin for pin in options.device_pins)
+        # Each of them is high by its resistor at first.
+        self._s[at.DEVICE_PINS] = self._s[at.DEVICE_TOLD] = sum(1 << pin for pin in options.device_pins)
         self._tracked = tracked
         self._plain = program_code(image)
         self._fast = fast_code(self._plain)

@@ -50,7 +50,7 @@ def power_up(image: Image, clock: Clock, options: SimulatorOptions, tracked: boo
         _note_unknown(s, options)
     s[at.START_UP] = start_up if options.oscillator_start_up else 0
     s[at.RESISTORS] = options.resistors
-    s[at.PINS] = s[at.DEVICE_TOLD] = s[at.FLOATING] | options.resistors
+    s[at.PINS] = s[at.FLOATING] | options.resistors
     shortest = min(options.watchdog_us, WATCHDOG_US[0])
     s[at.WDT_PERIOD] = clock.round_us(options.watchdog_us).cycles if config & CONFIG_WATCHDOG_ON else 0
     s[at.WDT_SHORTEST] = clock.round_us(shortest).cycles if config & CONFIG_WATCHDOG_ON else 0

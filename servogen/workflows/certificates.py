@@ -23,7 +23,6 @@ from servogen.pic.image import Image
 from servogen.prove import Proof, certificate, prove_for_all
 from servogen.prove.prover import MAX_STATES
 from servogen.pulse import PulseSchedule
-from servogen.pulse.schedule import TAPE_UNKNOWN
 
 MAX_CERTIFICATE_BYTES = 4 << 20
 CHECKED = "proven, checked"
@@ -192,7 +191,8 @@ def _found(files: Iterable[Path], image: Image, text: bytes) -> tuple[Path | Non
             if claim and (claim.image, claim.schedule) == (fingerprint(image), digest):
                 return file, _checked(claim, image, text)
     if "tape" in json.loads(text):
-        return None, CertificateVerdict(f"not covered: {TAPE_UNKNOWN}", False, missing=True, covered=False)
+        why = "not covered by the checker: the EEPROM of a tape; servogen prove decides it by one engine"
+        return None, CertificateVerdict(why, False, missing=True, covered=False)
     return None, CertificateVerdict("not proven yet", False, missing=True)
 
 

@@ -14,10 +14,13 @@ enum {
     PORT_A = 0x1F, /* the bits of each port in a port word; layout.py has PORT_B */
     B_SHIFT = 5,
     PIN_COUNT = 13,
+    DRIVEN_TOO = 1 + (1 << PIN_COUNT), /* by which pins are multiplied for both parts of a device's word */
     T0CKI_DELAY = 1, /* cycles from an edge of T0CKI to its count: 3 to 7 oscillator periods (figure 6-5) */
 };
 
-/* Returns the pins that the devices on them pull low, once these have their levels, from `cycle`. */
+/* Returns the pins that the devices on them pull low, once these have their levels, from `cycle`, and above
+   bit 12 those whose levels are known by that on every chip. `pins` has above bit 12 those that the chip
+   drives to an unknown level. */
 typedef i64 (*React)(i64 cycle, i64 pins);
 
 /* Returns the pins with a pull-up that is on. */
@@ -80,7 +83,8 @@ static void settle_levels(Chip *s, i64 cycle)
     i64 driven = ~s->tris & ALL_PINS;
     if (s->latch & RA4)
         driven &= ~RA4; /* an open drain: a latch of 1 releases the pin */
-    i64 outside = s->ext_mask | s->device_low, outside_level = s->ext_level & ~s->device_low;
+    i64 low = s->device_answer & ALL_PINS;
+    i64 outside = s->ext_mask | low, outside_level = s->ext_level & ~low;
     if (outside & driven & (outside_level ^ s->latch)) /* the chip and the outside drive different levels */
         warn_pins(s, WARN_CONTENTION, outside & driven & (outside_level ^ s->latch));
     if (s->pulsed)
@@ -95,8 +99,8 @@ static void settle_levels(Chip *s, i64 cycle)
             react(s, cycle, changed);
         return;
     }
-    /* The prover's pull-ups give way to whatever drives the pin. */
-    i64 held = s->any_input ? outside : outside | pull_ups(s);
+    /* The prover's pull-ups give way to whatever drives the pin, but for what a device it follows lets go. */
+    i64 held = s->any_input ? outside | s->device_answer >> PIN_COUNT : outside | pull_ups(s);
     i64 unknown = (~(driven | held) & ALL_PINS) | (s->latch_unknown & driven);
     /* A pin that stops being unknown may have changed just now, too. */
     i64 seen = unknown | s->pins_unknown;
@@ -114,12 +118,15 @@ static void settle_levels(Chip *s, i64 cycle)
 RARE void tell_devices(Chip *s, i64 cycle)
 {
     React react = (React)(intptr_t)s->devices;
-    while ((s->pins ^ s->device_told) & s->device_pins) {
-        s->device_told = s->pins;
-        i64 low = react(cycle, s->pins & s->device_pins);
-        if (low == s->device_low)
+    for (;;) {
+        i64 levels = (s->pins | (s->latch_unknown & ~s->tris) << PIN_COUNT) & s->device_pins * DRIVEN_TOO;
+        if (levels == s->device_told)
             return;
-        s->device_low = low;
+        s->device_told = levels;
+        i64 answer = react(cycle, levels);
+        if (answer == s->device_answer)
+            return;
+        s->device_answer = answer;
         settle_levels(s, cycle);
     }
 }

@@ -1,0 +1,114 @@
+"""A program with a tape: proven for an EEPROM left in any state; other tapes, readers and devices are not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import pytest
+
+from servogen.engines.tape.content import sum_of
+from servogen.pic.image import Image
+from servogen.pic.isa import encode
+from servogen.prove import Proof, prove_for_all, tape
+from servogen.prove.tape import LeftEEPROM
+from servogen.pulse import PulseSchedule
+from servogen.units import Clock
+from servogen.workflows.certificates import second_witness
+from tests.engines.tape.tape_jobs import made, with_content
+
+STILL = ("{ arm_deg = 30, hand_deg = 120, foot_deg = 80, hold_s = 0.1 }",)
+SCL, SDA = 1, 2
+
+
+@cache
+def still() -> tuple[PulseSchedule, Image]:
+    played, image = made(poses=STILL)
+    return played.plan.schedule, image
+
+
+def proof_of(schedule: PulseSchedule, image: Image) -> Proof:
+    return prove_for_all(image, schedule, max_states=300)
+
+
+def test_every_edge_is_the_schedules_whatever_state_the_eeprom_was_left_in() -> None:
+    schedule, image = still()
+    proof = proof_of(schedule, image)
+    assert proof.proven, proof.reason
+    assert any("the EEPROM of the tape holds" in text for text in proof.assumptions)
+    witness = second_witness(proof, image, schedule, schedule.json_text().encode())
+    assert witness.text.startswith("proven by one engine")
+
+
+def test_a_wrong_byte_whose_sum_is_right_has_a_counterexample() -> None:
+    schedule, image = still()
+    assert schedule.tape is not None
+    data = bytearray(schedule.tape.content)
+    data[3] ^= 1  # the first width; the record is of three full ones
+    data[9] = sum_of(bytes(data[2:9]))
+    proof = proof_of(with_content(schedule, bytes(data)), image)
+    assert not proof.proven and proof.counterexample is not None
+
+
+@pytest.mark.campaign
+def test_a_reader_that_clocks_once_too_few_times_is_not_proven() -> None:
+    # Nine tries: an EEPROM that was just asked for a byte of zeros holds SDA in all of them.
+    schedule, image = still()
+    tries = [at for at, word in image.program.items() if word == encode("MOVLW", k=10)]
+    assert tries
+    for at in tries:
+        proof = proof_of(schedule, replace(image, program=image.program | {at: encode("MOVLW", k=9)}))
+        assert not proof.proven
+
+
+@pytest.mark.campaign
+def test_an_eeprom_that_holds_sda_for_a_clock_longer_is_not_covered(monkeypatch: pytest.MonkeyPatch) -> None:
+    schedule, image = still()
+    monkeypatch.setattr(tape, "MOST_LOW", 10)
+    assert not proof_of(schedule, image).proven
+
+
+# The EEPROM
+
+
+def left() -> LeftEEPROM:
+    eeprom = LeftEEPROM(b"\xa5", "24LC256", Clock(4_000_000))
+    for cycle, levels in ((10, SDA), (20, SCL | SDA)):
+        assert eeprom.react(cycle, levels) == 0
+    return eeprom
+
+
+def clocked(eeprom: LeftEEPROM, cycle: int, bits: str) -> list[int]:
+    """What it answers while SCL is high, for the bits that the chip gives."""
+    answers = []
+    for at, bit in enumerate(bits):
+        data = SDA * int(bit)
+        eeprom.react(cycle + 20 * at, data)
+        answers.append(eeprom.react(cycle + 20 * at + 10, data | SCL))
+    return answers
+
+
+def test_only_a_start_after_sda_was_seen_high_is_one_that_it_has_seen() -> None:
+    for seen in (True, False):
+        eeprom = left()
+        assert not seen or eeprom.saw(1)
+        eeprom.react(30, SCL)
+        answers = clocked(eeprom, 40, "10100000" + "1")
+        assert answers[-1] == (SDA | SDA << 2 if seen else 0)  # acknowledged, or not known
+
+
+def test_what_is_read_without_an_address_is_not_known() -> None:
+    eeprom = left()
+    eeprom.saw(1)
+    eeprom.react(30, SCL)
+    assert clocked(eeprom, 40, "10100001" + "1" + "1111")[8:] == [0] * 5
+
+
+def test_it_holds_sda_for_nine_clocks_at_most() -> None:
+    eeprom = left()
+    possible = []
+    for clock in range(10):
+        possible.append(eeprom.saw(0))
+        eeprom.react(30 + 20 * clock, SDA)
+        eeprom.react(40 + 20 * clock, SCL | SDA)
+    assert possible == [True] * 9 + [False]
