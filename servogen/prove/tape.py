@@ -73,6 +73,8 @@ class LeftEEPROM(RunningEEPROM):
         if levels >> 2:
             self._forget()
         levels &= SCL | SDA
+        if levels ^ self._levels == SCL | SDA and not levels & SCL:
+            self._forget()  # which of both changes it sees first is not certain
         if (levels ^ self._levels) & SCL:
             if not levels & SCL and self._seen != 0:
                 self._lows = 0

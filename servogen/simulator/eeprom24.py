@@ -149,7 +149,7 @@ class RunningEEPROM:
     @property
     def clocks(self) -> int | None:
         """Return the clocks of the current byte so far, 0 to 8; None where it waits for a start."""
-        return None if self._phase is _Phase.STANDBY else self._bits % 9
+        return None if self._phase is Phase.STANDBY else self._bits % 9
 
     def snapshot(self) -> Any:
         return (

@@ -50,6 +50,14 @@ def test_a_wrong_byte_whose_sum_is_right_has_a_counterexample() -> None:
     assert not proof.proven and proof.counterexample is not None
 
 
+def test_a_reader_that_lets_go_of_sda_as_scl_falls_is_not_proven() -> None:
+    schedule, image = still()
+    words = [encode("CLRF", f=5), encode("MOVLW", k=0x10), encode("MOVWF", f=5, d=1)]
+    falls = [at for at in image.program if [image.program.get(at + n) for n in range(3)] == words]
+    changed = dict.fromkeys(falls, encode("NOP"))
+    assert falls and not proof_of(schedule, replace(image, program=image.program | changed)).proven
+
+
 @pytest.mark.campaign
 def test_a_reader_that_clocks_once_too_few_times_is_not_proven() -> None:
     # Nine tries: an EEPROM that was just asked for a byte of zeros holds SDA in all of them.
@@ -80,10 +88,11 @@ def left() -> LeftEEPROM:
 
 def clocked(eeprom: LeftEEPROM, cycle: int, bits: str) -> list[int]:
     """What it answers while SCL is high, for the bits that the chip gives."""
-    answers = []
+    answers, data = [], 0
     for at, bit in enumerate(bits):
-        data = SDA * int(bit)
         eeprom.react(cycle + 20 * at, data)
+        data = SDA * int(bit)
+        eeprom.react(cycle + 20 * at + 5, data)
         answers.append(eeprom.react(cycle + 20 * at + 10, data | SCL))
     return answers
 
