@@ -52,7 +52,7 @@ def test_a_wrong_byte_whose_sum_is_right_has_a_counterexample() -> None:
 
 def test_a_reader_that_lets_go_of_sda_as_scl_falls_is_not_proven() -> None:
     schedule, image = still()
-    words = [encode("CLRF", f=5), encode("MOVLW", k=0x10), encode("MOVWF", f=5, d=1)]
+    words = [encode("CLRF", f=5), encode("MOVLW", k=0x10), encode("MOVWF", f=5)]
     falls = [at for at in image.program if [image.program.get(at + n) for n in range(3)] == words]
     changed = dict.fromkeys(falls, encode("NOP"))
     assert falls and not proof_of(schedule, replace(image, program=image.program | changed)).proven
