@@ -329,14 +329,21 @@ def _lines(
         return _counterexample_lines(counterexample, file, claim, schedule)
     if witness is None:
         return [f"not decided: {proof.reason}", f"  {_size(proof)}"]
+    chips = proof.quantifiers.text(held=bool(proof.held))
     return [
         witness.text,
-        f"  for {proof.quantifiers.text(held=bool(proof.held))}: every edge of all pins is the schedule's",
+        f"  for {chips}: every edge of {judged_pins(schedule)} is the schedule's",
         f"  {_size(proof)}",
         *(checked_lines(witness.checked) if witness.checked else []),
         "  assumed:",
         *(f"    {assumption}" for assumption in proof.assumptions),
     ]
+
+
+def judged_pins(schedule: PulseSchedule) -> str:
+    """Return of which pins the theorem is."""
+    tape = schedule.tape
+    return f"all pins but {tape.scl} and {tape.sda}, a tape's bus," if tape else "all pins"
 
 
 def _counterexample_lines(

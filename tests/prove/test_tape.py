@@ -7,6 +7,7 @@ from functools import cache
 
 import pytest
 
+from servogen.cli.schedule_proof import judged_pins
 from servogen.engines.tape.content import sum_of
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
@@ -37,7 +38,8 @@ def test_every_edge_is_the_schedules_whatever_state_the_eeprom_was_left_in() -> 
     assert proof.proven, proof.reason
     assert any("the EEPROM of the tape holds" in text for text in proof.assumptions)
     witness = second_witness(proof, image, schedule, schedule.json_text().encode())
-    assert witness.text.startswith("proven by one engine")
+    assert witness.text.endswith("in the EEPROM of a tape, which the checker does not have")
+    assert judged_pins(schedule) == "all pins but RA3 and RA4, a tape's bus,"
 
 
 def test_a_wrong_byte_whose_sum_is_right_has_a_counterexample() -> None:
