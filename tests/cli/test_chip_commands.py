@@ -11,8 +11,7 @@ from typing import Any
 import pytest
 
 from servogen import compiler
-from servogen.cli import compile_command
-from servogen.errors import Diagnostic, InputError, Location
+from servogen.errors import Diagnostic, Location
 from servogen.pic.image import Image
 from servogen.units import Clock
 from tests.cli.conftest import Run
@@ -188,27 +187,6 @@ def test_a_dump_shows_the_form_and_what_each_pass_saved(run: Run, compiled: dict
     assert lines[:-2] == ["the form", "; peephole saved 1 word", "; outlining saved 20 words"]
     compiled["result"].saved = {}
     assert run("compile", "a.c", "--dump", "ir").out.splitlines()[1] == "; no pass saved a word"
-
-
-def test_a_dump_is_of_the_last_pass_unless_one_is_named() -> None:
-    from servogen.compiler.passes.manager import PASSES
-
-    assert compile_command._pass_to_dump(None) is None
-    assert compile_command._pass_to_dump("ir") == PASSES[-1]
-    assert compile_command._pass_to_dump("ir:first") == "first"
-    for wrong in ("irx", "asm", "", ":x"):
-        with pytest.raises(InputError, match="is not ir or ir:PASS"):
-            compile_command._pass_to_dump(wrong)
-
-
-def test_a_warning_that_is_suppressed_must_exist() -> None:
-    from servogen.compiler.diagnostics import WARNINGS
-
-    one, two = sorted(WARNINGS)[:2]
-    assert compile_command._known_codes([]) == frozenset()
-    assert compile_command._known_codes([one, two]) == {one, two}
-    with pytest.raises(InputError, match="no warning has the code 'nothing'"):
-        compile_command._known_codes([one, "nothing"])
 
 
 def test_assemble_writes_a_hex_and_perhaps_a_listing(run: Run, compiled: dict[str, Any]) -> None:

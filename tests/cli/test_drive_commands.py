@@ -7,7 +7,7 @@ import json
 import math
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -18,15 +18,14 @@ import pytest
 import typer
 
 from servogen import job as job_package
-from servogen.cli import calibrate_command, drive_command, drive_line, drive_on_command, show
+from servogen.cli import drive_line, drive_on_command, show
 from servogen.drive import controller, on_command, request, serial_link, session, sweep
 from servogen.drive.session import Summary
 from servogen.drive.steering import Rates
 from servogen.engines.inputs.commands import CommandLine
-from servogen.errors import Diagnostic, InputError, ToolError
+from servogen.errors import Diagnostic, InputError
 from servogen.job import load, loads
 from servogen.robot import calibration
-from servogen.robot.calibration import Fit, Reading
 from tests.cli.conftest import Run
 from tests.cli.stand_ins import stand_in
 
@@ -42,86 +41,7 @@ def first_command() -> None:
     show.begin()
 
 
-@pytest.mark.parametrize(
-    ("servos", "words"),
-    [(1, "the servo 12.5 ms, 80.0 a second"), (3, "all 3 servos 37.5 ms, 26.7 a second")],
-)
-def test_the_line_carries_a_position_of_three_bytes_in_thirty_bits(
-    capsys: Text, servos: int, words: str
-) -> None:
-    """At 2400 baud and 8N1, ten bits a byte: 240 bytes a second."""
-    job: Any = SimpleNamespace(name="arm")
-    drive_command._show_robot(job, SimpleNamespace(channels=[None] * servos), 2400, 1 / 240)  # type: ignore[arg-type]
-    assert capsys.readouterr().out == f"arm, 2400 baud: a position takes 12.5 ms, a pose of {words}\n"
-
-
 SUMMARY = Summary(seconds=12.345, moving_s=4.0, commands=30, rounds=10, slowest_s=0.0375, stopped=True)
-
-
-def test_a_drive_ends_with_its_numbers_and_says_when_the_port_was_away(capsys: Text) -> None:
-    """Ten poses in four seconds of motion are 2.5 a second."""
-    drive_command._show_drive(SUMMARY, True, False)
-    text = "12.35 s, 30 positions, 10 poses (2.5 a second, the slowest 37.5 ms)"
-    assert capsys.readouterr().out.replace("12.34", "12.35") == f"{text}\n"
-    away = Summary(moving_s=4.0, commands=30, rounds=10, slowest_s=0.0375, outages=2, away_s=1.25)
-    drive_command._show_drive(away, False, False)
-    assert capsys.readouterr().out.endswith("37.5 ms), away 2 times for 1.2 s\n")
-    drive_command._show_drive(SUMMARY, True, True)
-    assert json.loads(capsys.readouterr().out) == {"diagnostics": [], **SUMMARY.to_json()}
-
-
-@pytest.mark.parametrize(("stopped", "wanted"), [(True, True), (True, False), (False, False), (False, True)])
-def test_a_robot_that_could_not_be_stopped_is_an_error(capsys: Text, stopped: bool, wanted: bool) -> None:
-    if wanted and not stopped:
-        with pytest.raises(ToolError, match="the robot was NOT stopped"):
-            drive_command._show_drive(Summary(stopped=stopped), wanted, False)
-    else:
-        drive_command._show_drive(Summary(stopped=stopped), wanted, False)
-    assert capsys.readouterr().out.count("\n") == 1
-
-
-SENT: dict[str, object] = {
-    "s": 0.02,
-    "bytes": "FF 00 7F",
-    "servo": "arm",
-    "position": 127,
-    "width_us": 1500.0,
-}
-
-
-@pytest.mark.parametrize(
-    ("entry", "out", "err"),
-    [
-        (SENT, "     0.02 s  FF 00 7F  arm 1500.0 µs\n", ""),
-        ({"s": 12.5, "bytes": "FF F1"}, "     12.5 s  FF F1  group\n", ""),
-        ({"s": 1.0, "event": "lost", "text": "gone"}, "", "servogen: warning: lost: gone [drive-event]\n"),
-        ({"s": 1.0, "event": "found"}, "", "servogen: warning: found [drive-event]\n"),
-        ({"s": 1.0, "event": "stopped"}, "", ""),
-        ({"s": 1.0}, "", ""),
-    ],
-)
-def test_a_log_shows_bytes_and_events(capsys: Text, entry: dict[str, object], out: str, err: str) -> None:
-    """The bytes in a dry run only; with --json every entry, and nothing else."""
-    drive_command._log(False, True)(entry)
-    assert tuple(capsys.readouterr()) == (out, err)
-    drive_command._log(False, False)(entry)
-    assert tuple(capsys.readouterr()) == ("", err)
-    for dry_run in (True, False):
-        drive_command._log(True, dry_run)(entry)
-        shown = capsys.readouterr()
-        assert (json.loads(shown.out), shown.err) == (entry, "")
-
-
-def test_an_entry_of_a_log_is_seen_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    flushed: list[str] = []
-
-    class Pipe(io.StringIO):
-        def flush(self) -> None:
-            flushed.append(self.getvalue())
-
-    monkeypatch.setattr(sys, "stdout", Pipe())
-    drive_command._log(False, True)(SENT)
-    assert flushed[-1:] == ["     0.02 s  FF 00 7F  arm 1500.0 µs\n"]
 
 
 class Session:
@@ -459,68 +379,9 @@ def test_commands_come_from_keys_lines_a_script_or_nowhere(
     assert capsys.readouterr().err == "own help\n"
 
 
-READINGS = tuple(Reading(1000 + 5.0 * angle, math.radians(angle)) for angle in (0, 90, 180))
-FIT = Fit(READINGS, 1000.5, math.degrees(-5.25), tuple(math.radians(off) for off in (-0.25, 1.5, 0.0)))
-
-
-def shown_calibration(
-    servo: Any, files: Any, refused: tuple[Diagnostic, ...] = (), json_: bool = False
-) -> None:
-    calibrate_command._show_calibration(Path("jobs/a.toml"), servo, FIT, files, refused, json_)
-
-
 @pytest.fixture
 def servo() -> Any:
     return load(LAB8).servos[0]
-
-
-def test_a_calibration_shows_its_readings_its_line_and_its_file(
-    capsys: Text, monkeypatch: pytest.MonkeyPatch, servo: Any
-) -> None:
-    """The rms over one degree of freedom: √(0.25² + 1.5²) = 1.52; the worst is the second."""
-    tables: list[Any] = []
-    stand_in(monkeypatch, "servogen.cli.show", "table", lambda *given: tables.append(given))
-    shown_calibration(servo, (Path("jobs/x.toml"), None))
-    line = "width = 1000.5 µs -5.2500 µs/°; rms 1.52°, worst +1.50°"
-    add = 'add to the servo in the job: calibration = "x.toml"'
-    assert capsys.readouterr().out.splitlines() == [
-        line,
-        "jobs/x.toml: written",
-        add,
-        "next: servogen check jobs/a.toml",
-    ]
-    rows = [("1000.0", "0.0", "-0.25"), ("1450.0", "90.0", "+1.50"), ("1900.0", "180.0", "+0.00")]
-    columns = ("width µs", "seen °", "off the line °")
-    assert tables == [(f"{servo.name}, {servo.model.title}", columns, rows)]
-    shown_calibration(servo, (Path("/other/x.toml"), Path("/other/x.1.toml")))
-    assert capsys.readouterr().out.splitlines()[1:] == [
-        "/other/x.toml: written; /other/x.1.toml is the file that was there",
-        'add to the servo in the job: calibration = "/other/x.toml"',
-        "next: servogen check jobs/a.toml",
-    ]
-    refusal = Diagnostic("warning", "out-of-range", "too far")
-    shown_calibration(servo, (Path("jobs/x.toml"), None), (refusal,))
-    shown = capsys.readouterr()
-    assert shown.out.splitlines()[1:] == ["jobs/x.toml: written"]
-    assert shown.err == f"with this calibration the job's motion is not possible:\n{refusal}\n"
-
-
-def test_a_calibration_as_json_is_in_degrees(capsys: Text, servo: Any) -> None:
-    refusal = Diagnostic("warning", "out-of-range", "too far")
-    for previous, refused in ((None, ()), (Path("b.toml"), (refusal,))):
-        show.begin()
-        shown_calibration(servo, (Path("a.toml"), previous), refused, True)
-        out, err = capsys.readouterr()
-        found = json.loads(out)
-        assert (found["file"], found["kept"], err) == ("a.toml", previous and str(previous), "")
-        assert (found["zero_us"], found["us_per_deg"]) == (1000.5, pytest.approx(-5.25))
-        assert found["rms_deg"] == pytest.approx(math.hypot(0.25, 1.5))
-        assert (found["worst_deg"], found["residuals_deg"]) == (
-            pytest.approx(1.5),
-            pytest.approx([-0.25, 1.5, 0]),
-        )
-        assert found["taken_by_job"] is not bool(refused)
-        assert [each["code"] for each in found["diagnostics"]] == [each.code for each in refused]
 
 
 @pytest.mark.parametrize(
@@ -584,37 +445,6 @@ def test_a_job_that_cannot_use_its_calibration_is_exit_code_1(
     refusal = Diagnostic("warning", "out-of-range", "too far")
     stand_in(monkeypatch, sweep, "refusals", lambda *_: (refusal,))
     assert run(*common).code == 1
-
-
-def test_a_wrong_answer_is_asked_for_again_and_q_ends(monkeypatch: pytest.MonkeyPatch, capsys: Text) -> None:
-    """The answers of one reading of the keyboard are taken one after the other."""
-    from servogen.drive import commands
-
-    class Lines:
-        def __init__(self, number: int) -> None:
-            self.left = [["what", "90"], [], [commands.QUIT]]
-
-        def since(self, seconds: float) -> list[str]:
-            return self.left.pop(0) if self.left else []
-
-    stand_in(monkeypatch, commands, "LineCommands", Lines)
-    keys: Any = io.StringIO()
-    keys.fileno = lambda: 0
-    monkeypatch.setattr(sys, "stdin", keys)
-    model = SimpleNamespace(unit="°")
-    channel: Any = SimpleNamespace(widths_us=[1000.0, 1500.04], servo=SimpleNamespace(model=model))
-
-    def wait_for(answer: Callable[[], str | None]) -> str:
-        return next(text for text in iter(answer, object()) if text is not None)
-
-    moved: Any = SimpleNamespace(at=1, wait_for=wait_for)
-    ask = calibrate_command._asking(channel, 5)
-    assert ask(moved, 0) == pytest.approx(math.pi / 2)
-    shown = capsys.readouterr()
-    assert shown.out == "1 of 5, 1500.0 µs: what do you see, °? " * 2
-    assert shown.err == f"'what' is not a number of degrees; '{commands.QUIT}' ends the calibration\n"
-    with pytest.raises(InputError, match="ended after 3 of 5 readings: nothing is written"):
-        ask(moved, 3)
 
 
 def test_the_widths_of_a_stream_job_are_its_own() -> None:

@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 
 from servogen import grade as grade_package
-from servogen.cli import grade_commands
 from servogen.cli.grade_commands import Browsing, GradeFiles
 from servogen.errors import Diagnostic, InputError, Location, ToolError
 from servogen.grade import formats, points
@@ -258,16 +257,6 @@ def test_several_programs_have_a_folder_of_files(run: Run, grading_of: dict[str,
         "g/anna.json": "gradescope anna",
         "g/ben.json": "gradescope ben",
     }
-
-
-def test_a_link_in_a_folder_is_replaced_and_not_followed(tmp_path: Path) -> None:
-    (tmp_path / "kept").write_text("kept")
-    link, plain = tmp_path / "link.json", tmp_path / "plain.json"
-    link.symlink_to(tmp_path / "kept")
-    plain.write_text("x")
-    assert (grade_commands._own(link), grade_commands._own(plain)) == (link, plain)
-    assert (link.exists(), plain.exists()) == (False, True)
-    assert (tmp_path / "kept").read_text() == "kept"
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ import pytest
 
 from servogen import job as job_package
 from servogen import verify as verify_package
-from servogen.cli import build_commands, plan_command, tune_command, widths
+from servogen.cli import widths
 from servogen.engines.firmware import ResourceError
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.plan_error import PlanError
@@ -124,17 +124,6 @@ def built(name: str = "arm", exact: bool = True, warnings: int = 0) -> Any:
 
 MISSING = CertificateVerdict("not proven yet", False, missing=True)
 VALID, REFUSED = CertificateVerdict("proven, checked", True), CertificateVerdict("refused: x", False)
-PROGRAM_COLUMNS = ("dialect", "one run", "all runs", "worst edge error", "from the plan")
-PROGRAM_COLUMNS += ("words", "words left", "RAM", "RAM left")
-ROWS = [  # 1024 words and 68 bytes: DS35007 sections 2.1 and 2.2
-    ("c2c", "exact", "not proven yet", "0 cycles", "0.25 µs", 200, 824, 8, 60),
-    ("xc8", "NOT EXACT", "proven, checked", "3 cycles", "?", 1024, 0, 68, 0),
-]
-
-
-def test_programs_have_what_they_use_and_what_is_left(tables: Tables) -> None:
-    build_commands._program_table(built(exact=False), [MISSING, VALID])
-    assert tables == [("Programs: engine sequence, 30 frames compared", PROGRAM_COLUMNS, ROWS)]
 
 
 def test_many_widths_have_a_row_for_each_servo(tables: Tables, capsys: pytest.CaptureFixture[str]) -> None:
@@ -302,48 +291,6 @@ def facts(**others: Any) -> Any:
     return SimpleNamespace(**{**given, "seconds": lambda frames: 0.02 * frames, **others})
 
 
-def test_a_plan_shows_its_servos_and_how_long_it_lasts(
-    capsys: pytest.CaptureFixture[str], tables: Tables
-) -> None:
-    plan_command._show_plan(facts(), ())
-    columns = ("servo", "joint", "range", "limits", "peak °/s", "limit °/s", "at frame", "step °", "needs s")
-    rows = [
-        ("a", "q1", "0.00 to 90.13°", "0 to 180°", "180.0", "600.0", 7, "", "", ""),
-        ("b", "", "-28.65 to 0.00°/s", "-180 to 180°/s", "", "", "", "90.0", "0.150", "1.500"),
-    ]
-    assert tables == [("Servos", (*columns, "has s"), rows)]
-    last = "jobs/x.toml: 2 servos, lead-in of 1 frame, 0.02 s, loop of 50 frames, 1 s"
-    assert capsys.readouterr().out.splitlines() == ["a note", last]
-
-
-def test_a_plan_of_a_robot_shows_its_paths_and_its_error(
-    capsys: pytest.CaptureFixture[str], tables: Tables, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from servogen.report import tracks
-
-    stand_in(monkeypatch, tracks, "error_rows", lambda ends, frame_s: [("errors", len(ends), frame_s)])
-    end = SimpleNamespace(name="L1", worst_m=0.0012345, frame=3)
-    still = SimpleNamespace(lead_in_frames=0, loop_frames=2)
-    found = facts(
-        ends=(end,),
-        worst=end,
-        extent=lambda end: ([0.001, -0.25, 0], [0.1, 0.25, 0.0]),
-        rigid_legs_end=(0.1234, -0.02, math.pi / 2),
-        plan=SimpleNamespace(schedule=still, warnings=()),
-    )
-    plan_command._show_plan(found, ())
-    spans = ("L1", "1.00 to 100.00", "-250.00 to 250.00", "0.00 to 0.00")
-    assert tables[1] == ("Paths", ("end", "x mm", "y mm", "z mm"), [spans])
-    columns = ["end", "worst mm", "rms mm", "frame", "time s", "jacobian worst mm", "jacobian rms mm"]
-    assert tables[2] == ("Error of rounding to whole cycles", columns, [("errors", 1, 0.02)])
-    assert capsys.readouterr().out.splitlines()[1:] == [
-        "rigid legs take the body 123.4 mm forward, -20.0 mm to the left and turn it by 90.0°",
-        "error of rounding to whole cycles: at worst 1.234 mm, L1 in frame 3 (0.06 s)",
-        "how far the engine's schedule is from the plan, which may be more: servogen check",
-        "jobs/x.toml: 2 servos, loop of 2 frames, 0.04 s",
-    ]
-
-
 def page(**others: Any) -> Any:
     given = {
         "html": "<html>",
@@ -451,21 +398,6 @@ def test_report_says_what_its_page_shows(
 def test_only_a_capture_has_a_rate(run: Run) -> None:
     ran = run("report", "a.toml", "--rate", 5)
     assert (ran.code, "only a capture has a sampling rate" in ran.err) == (2, True)
-
-
-@pytest.mark.parametrize(
-    ("name", "following"),
-    [
-        ("main.xc8.c", "main.xc8.1.c"),
-        ("main.xc8.1.c", "main.xc8.2.c"),
-        ("main.xc8.9.c", "main.xc8.10.c"),
-        ("main.c", "main.1.c"),
-        ("7.c", "7.1.c"),
-        (".7.c", ".7.1.c"),
-    ],
-)
-def test_the_next_c_file_has_the_next_number(name: str, following: str) -> None:
-    assert tune_command._next_c_file(Path("folder", name)) == Path("folder", following)
 
 
 @pytest.fixture

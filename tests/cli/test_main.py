@@ -6,11 +6,8 @@ import errno
 import importlib
 import io
 import json
-import os
 import sys
 from collections.abc import Callable
-from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -132,41 +129,6 @@ class Failing(io.StringIO):
             raise self.error
 
 
-@pytest.mark.parametrize("flushing", [True, False])
-def test_an_output_notices_that_nobody_reads_it(flushing: bool) -> None:
-    output = main._Output(Failing(BrokenPipeError(), flushing), closed=False)
-    assert output.unread is False
-    with pytest.raises(BrokenPipeError):
-        output.flush() if flushing else output.write("x")
-    assert output.unread is True
-    full = main._Output(Failing(OSError(errno.ENOSPC, "No space left"), flushing), closed=False)
-    with pytest.raises(ToolError, match="standard output: error: could not be written: No space left"):
-        full.flush() if flushing else full.write("x")
-    assert full.unread is False
-
-
-def test_an_output_that_was_closed_is_unread_once_something_is_written() -> None:
-    for closed in (True, False):
-        output = main._Output(io.StringIO(), closed)
-        assert output.write("") == 0
-        assert output.unread is False
-        assert output.write("text") == 4
-        assert output.unread is closed
-        assert output.write("") == 0
-        assert output.unread is closed
-        assert output.getvalue() == "text"  # all else is the stream's
-
-
-@pytest.mark.parametrize("flushing", [True, False])
-def test_messages_that_cannot_be_written_are_dropped(flushing: bool) -> None:
-    messages = main._Messages(Failing(OSError("full"), flushing))
-    assert messages.write("text") == 4
-    messages.flush()
-    kept = main._Messages(io.StringIO())
-    assert kept.write("abc") == 3
-    assert kept.getvalue() == "abc"
-
-
 def outcome(monkeypatch: pytest.MonkeyPatch, stream: Any, result: int = 0) -> tuple[int, str]:
     """The exit code of a command that prints a line on `stream`, and its messages."""
     messages = io.StringIO()
@@ -223,59 +185,6 @@ def test_warnings_of_an_earlier_command_are_forgotten(run: Run, ends: Callable[[
         assert len(json.loads(run("check").out)["diagnostics"]) == 1
 
 
-def parameter_error(message: str, *names: str) -> Any:
-    return SimpleNamespace(param=SimpleNamespace(opts=list(names)), format_message=lambda: message)
-
-
-@pytest.mark.parametrize(
-    ("text", "names", "words", "shown"),
-    [
-        ("Invalid value for '--rate': Input should be at least 1", ("--rate",), ("capture", "--rate", "0"),
-         "Invalid value for '--rate': '0' should be at least 1"),
-        ("Invalid value for '--rate': Input should be at least 1", ("--rate",), ("capture", "--rate=0"),
-         "Invalid value for '--rate': '0' should be at least 1"),
-        ("Invalid value for '--rate': Input should be at least 1", ("--rate",),
-         ("capture", "--rate", "5", "--rate=0"),
-         "Invalid value for '--rate': '0' should be at least 1"),
-        ("Invalid value for '-p': Input should be x", ("--port", "-p"), ("drive", "-p", "y"),
-         "Invalid value for '-p': 'y' should be x"),
-        ("Invalid value for '--step-mm': Input should be x", ("--step-mm",), ("drive", "--step-mm", "nan"),
-         "Invalid value for '--step-mm': 'nan' is not a number"),
-        ("Invalid value for '--rate': 'x' is not an integer", ("--rate",), ("capture", "--rate", "x"),
-         "Invalid value for '--rate': 'x' is not an integer"),
-        ("Missing option '--rate'", ("--rate",), ("capture",), "Missing option '--rate'"),
-        ("Missing option '--rate'", (), ("--rate", "1"), "Missing option '--rate'"),
-        ("Input should be : Input should be", ("--a",), ("--a", "1"), "Input should be : '1' should be"),
-    ],
-)  # fmt: skip
-def test_a_message_about_an_option_quotes_what_was_typed(
-    text: str, names: tuple[str, ...], words: tuple[str, ...], shown: str
-) -> None:
-    assert commands._with_value(text, parameter_error(text, *names), words) == shown
-
-
-def test_an_error_without_a_parameter_is_left_as_it_is() -> None:
-    assert commands._with_value("text", SimpleNamespace(), ["--a", "1"]) == "text"
-
-
-@pytest.mark.parametrize(
-    ("words", "command"),
-    [
-        (["gait", "--leg"], "servogen gait"),
-        (["nothing"], "servogen"),
-        ([], "servogen"),
-        (["x", "gait"], "servogen"),
-    ],
-)
-def test_the_help_of_the_command_is_named(
-    monkeypatch: pytest.MonkeyPatch, words: list[str], command: str
-) -> None:
-    monkeypatch.setattr(sys, "argv", ["servogen", *words])
-    assert commands._command_name(SimpleNamespace()) == command
-    context = SimpleNamespace(command_path="servogen other")
-    assert commands._command_name(SimpleNamespace(ctx=context)) == "servogen other"
-
-
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -295,47 +204,6 @@ def test_a_wrong_command_line_is_exit_code_2_with_where_to_read_on(
     assert "[usage]" in ran.err
     named = f"servogen {words[0]}" if words[0] in ("gait", "schema") else "servogen"
     assert f"see: {named} --help" in ran.err
-
-
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
-def test_the_null_device_takes_the_place_of_closed_streams() -> None:
-    """In a child, whose descriptors may be closed."""
-    child = os.fork()
-    if child == 0:  # pragma: no cover
-        try:
-            for number, name in ((0, "stdin"), (1, "stdout"), (2, "stderr")):
-                os.close(number)
-                setattr(sys, name, None)
-            closed = main._open_closed_streams()
-            null = Path(os.devnull).stat()
-            fine = closed and all(os.fstat(number).st_rdev == null.st_rdev for number in (0, 1, 2))
-            streams = (sys.stdin, sys.stdout, sys.stderr)
-            fine = fine and [stream.fileno() for stream in streams] == [0, 1, 2]
-            fine = fine and [stream.mode for stream in streams] == ["r", "w", "w"]
-            fine = fine and sys.stdin.read() == ""
-            sys.stdout.write("x")
-            sys.stdout.flush()
-            fine = fine and main._open_closed_streams() is False
-            os.dup2(os.open(__file__, os.O_RDONLY), 2)  # another file has taken its place
-            free = os.dup(0)
-            os.close(free)
-            sys.stderr = None  # type: ignore[assignment]
-            fine = fine and main._open_closed_streams() is False
-            fine = fine and os.fstat(2).st_rdev == null.st_rdev and os.dup(0) == free
-            os._exit(0 if fine else 1)
-        except BaseException:
-            os._exit(2)
-    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
-
-
-def test_the_rest_of_an_output_goes_to_the_null_device(tmp_path: Path) -> None:
-    with (tmp_path / "out").open("w") as stream:
-        stream.write("before")
-        stream.flush()
-        main._discard_output(stream)
-        stream.write("after")
-    assert (tmp_path / "out").read_text() == "before"
-    main._discard_output(io.StringIO())  # which has no descriptor
 
 
 def test_commands_are_listed_in_the_order_of_their_groups() -> None:

@@ -16,8 +16,7 @@ import pytest
 
 from servogen import movemaster
 from servogen.cli import gait_command
-from servogen.errors import Diagnostic, InputError
-from servogen.kinematics import catalogue
+from servogen.errors import Diagnostic
 from servogen.motion import loads
 from servogen.motion.gait import walk as walk_module
 from servogen.report import gait_facts, motion_table
@@ -91,50 +90,6 @@ def show(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], ta
         return capsys.readouterr().out.splitlines()
 
     return lines
-
-
-REST = ["centre", "held", "slip"]
-HEIGHT = "feet rise 20.0 mm, body 130.0 mm above the ground, 95.5 mm free under it and its legs"
-SPRINGS = "springs: they give up to 1.25 mm (R1, frame 3)"
-
-
-def test_a_walk_is_two_tables_and_its_facts_in_millimetres(show: Lines, tables: Tables) -> None:
-    assert show(walked(), facts()) == [
-        "a cycle: 20 frames, 0.4 s",
-        "change",
-        "the walk: 30 frames, the last 20 of them repeat",
-        "stability margin: at least 12.35 mm (frame 7, on L1, R2)".replace("12.35", f"{12.345:.2f}"),
-        SPRINGS,
-        *REST,
-        HEIGHT,
-    ]
-    assert tables == [
-        (
-            "Gait 'own', duty 3/4",
-            ("leg", "lifts at", "lands at", "one cycle, ▔ in the air"),
-            [("L1", "0", "1/4", "▔▁"), ("R1", "7/8", "1/8", "▁▁")],
-        ),
-        (
-            "Joints",
-            ("joint", "from °", "to °", "limits °", "peak °/s"),
-            [("L1_alpha", "-30.00", "45.00", "-90 to 90", "180.0")],
-        ),
-    ]
-
-
-def test_a_walk_that_all_repeats_without_margin_or_springs(show: Lines) -> None:
-    whole = SimpleNamespace(angles=np.zeros((30, 2)), loop_start=0)
-    found = facts(margin=None, correction=0.0)
-    assert show(walked(trajectory=whole, lost_motion_text=lambda: "lost"), found) == [
-        "a cycle: 20 frames, 0.4 s",
-        "change",
-        "the walk: 30 frames, start and stop included, and again",
-        *REST,
-        "lost",
-        HEIGHT,
-    ]
-    air = show(walked(), facts(margin=-math.inf, margin_feet=()))
-    assert "stability margin: none, no foot is on the ground in frame 7" in air
 
 
 @pytest.fixture
@@ -255,19 +210,6 @@ def test_a_gait_of_ones_own_needs_its_duty_and_its_phases(run: Run, planning: di
     assert [leg.name for leg in planning["robot"].limbs] == ["L2"]
 
 
-@pytest.mark.parametrize(
-    ("text", "phases"),
-    [("0,0.5", [0, 0.5]), (" 0.25 ", [0.25]), ("L1=0, R1 =0.5", {"L1": 0.0, "R1": 0.5}), ("a,b", None),
-     ("L1=x", None), ("L1=0,0.5", None), ("L1=0=1", None), ("", None)],
-)  # fmt: skip
-def test_phases_are_a_list_or_a_table(text: str, phases: Any) -> None:
-    if phases is not None:
-        assert gait_command._phases(text) == phases
-        return
-    with pytest.raises(InputError, match="is not a table of phases"):
-        gait_command._phases(text)
-
-
 @pytest.fixture
 def running(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """`run-program` gives this run; the arguments that it is asked with."""
@@ -332,14 +274,3 @@ def test_the_options_of_a_program_run_reach_it(
     found = json.loads(shown.out)
     assert (found["robot"], found["steps"]) == ("rv-m1", 2)
     assert [each["code"] for each in found["diagnostics"]] == ["w"]
-
-
-def test_only_a_walking_robot_has_a_gait() -> None:
-    assert gait_command._robot("hexapod").name == catalogue.robot("hexapod").name
-    with pytest.raises(InputError, match="scara does not walk"):
-        gait_command._robot("scara")
-
-
-def test_a_length_that_is_not_given_stays_so() -> None:
-    assert (gait_command._metres(None), gait_command._metres(0.0)) == (None, 0.0)
-    assert gait_command._metres(25.0) == 0.025

@@ -11,27 +11,12 @@ from typing import Any
 import pytest
 
 from servogen import checker
-from servogen.cli import prove_command, schedule_proof
 from servogen.cli.schedule_proof import Claim, Over
-from servogen.errors import InputError
-from servogen.prove.prover import AS_IN_THE_FILE, Proof, held_assumptions
 from servogen.prove.quantifiers import EVERYTHING, Quantifiers
-from servogen.prove.stream.proof import LineProof
-from servogen.pulse import Channel, Pulse, PulseSchedule, Run
 from servogen.simulator import SimulatorOptions
-from servogen.units import Clock, Cycles
-from servogen.workflows.certificates import Witnessed
+from servogen.units import Clock
 from tests.cli.conftest import Run as Command
 from tests.cli.stand_ins import stand_in
-
-SCHEDULE = PulseSchedule(
-    Clock(4_000_000),
-    Cycles(20_000),
-    (Channel("arm", "RB0", ""),),
-    (),
-    (Run(2, (Pulse(Cycles(0), Cycles(1500)),)),),
-)
-FILE = Path("a prog.hex")
 
 
 def request(**others: Any) -> Claim:
@@ -51,43 +36,6 @@ def wrong(stimulus: str = "", **others: Any) -> Any:
     """A run that goes wrong in cycle 12,345."""
     given = {"message": "RB0 rises", "cycle": 12_345, "clock_hz": None, "eeprom": None, **others}
     return SimpleNamespace(**given, stimulus=lambda schedule: stimulus, arguments=lambda: ["--start", "w=1"])
-
-
-def proof(proven: bool = True, shown: Any = None, **others: Any) -> Proof:
-    given = {
-        "proven": proven,
-        "counterexample": shown,
-        "reason": "" if proven else "too many states",
-        "assumptions": ("one", "two"),
-        "quantifiers": EVERYTHING,
-        "states": 3,
-        "runs": 4,
-        "cycles": Cycles(500),
-    }
-    return Proof(**{**given, **others})
-
-
-COUNTS = checker.Checked(5, 6, 7, 8, ("every input",))
-WITNESS = Witnessed(b"x", COUNTS)
-SIZE = "  3 states, 4 runs of 500 cycles together"
-
-
-def test_a_proof_says_what_it_is_over_how_large_it_was_and_what_it_assumes() -> None:
-    assert schedule_proof._lines(proof(), WITNESS, FILE, request(), SCHEDULE) == [
-        "proven, checked",
-        "  for every power-up, input and chip: every edge of all pins is the schedule's",
-        SIZE,
-        "  over every input",
-        "  checked: 5 states, 6 frames, 7 cycles, 8 splits",
-        "  assumed:",
-        "    one",
-        "    two",
-    ]
-    alone = schedule_proof._lines(proof(), Witnessed(not_covered="SLEEP"), FILE, request(), SCHEDULE)
-    assert alone[0] == "proven by one engine: the checker does not cover SLEEP"
-    assert alone[2:4] == [SIZE, "  assumed:"]
-    undecided = schedule_proof._lines(proof(False), None, FILE, request(), SCHEDULE)
-    assert undecided == ["not decided: too many states", SIZE]
 
 
 @pytest.mark.parametrize(
@@ -112,105 +60,6 @@ def test_a_proof_says_what_it_is_over_how_large_it_was_and_what_it_assumes() -> 
 )
 def test_only_what_is_quantified_over_is_claimed(over: Quantifiers, held: dict[int, int], words: str) -> None:
     assert over.text(held=bool(held)) == words
-
-
-def test_a_counterexample_has_the_command_that_shows_it_two_frames_long() -> None:
-    """12,345 + 2 × 20,000 cycles; the clock is the schedule's unless the chip has one of its own."""
-    end = "--cycles 52345 --edges counterexample.csv"
-    head = "counterexample: RB0 rises, cycle 12345 from reset"
-    for shown, command in (
-        (wrong(), f"'a prog.hex' --start w=1 --clock-hz 4000000 {end}"),
-        (wrong("levels"), f"'a prog.hex' --stimulus wrong.toml --start w=1 --clock-hz 4000000 {end}"),
-        (wrong(clock_hz=5_000_000), f"'a prog.hex' --start w=1 {end}"),
-        (wrong(eeprom={3: 4}), f"wrong.hex --start w=1 --clock-hz 4000000 {end}"),
-    ):
-        lines = [head, f"  servogen simulate {command}"]
-        assert schedule_proof._lines(proof(False, shown), None, FILE, request(), SCHEDULE) == lines
-        found = schedule_proof._counterexample_to_json(shown, FILE, request(), SCHEDULE)
-        stimulus = shown.stimulus(SCHEDULE.clock) or None
-        assert found == {
-            "message": "RB0 rises",
-            "cycle": 12_345,
-            "command": f"servogen simulate {command}",
-            "stimulus": stimulus,
-            "eeprom": shown.eeprom and {"3": 4},  # keys of JSON are texts
-        }
-
-
-@pytest.mark.parametrize(
-    ("found", "witness", "answer"),
-    [
-        (proof(), WITNESS, "proven"),
-        (proof(), Witnessed(not_covered="SLEEP"), "proven by one engine"),
-        (proof(False, wrong()), None, "counterexample"),
-        (proof(False), None, "not decided"),
-    ],
-)
-def test_the_json_of_a_proof_has_its_answer_and_its_size(
-    found: Proof, witness: Witnessed | None, answer: str
-) -> None:
-    shown = schedule_proof._proof_to_json(found, witness, FILE, request(), SCHEDULE)
-    assert (shown["checked"] is None) == (answer != "proven")
-    assert shown["not_covered"] == ("SLEEP" if answer == "proven by one engine" else "")
-    assert (shown["file"], shown["answer"], shown["reason"]) == ("a prog.hex", answer, found.reason)
-    assert (shown["states"], shown["runs"], shown["cycles"], shown["assumptions"]) == (
-        3,
-        4,
-        500,
-        ["one", "two"],
-    )
-    assert (shown["counterexample"] is None) == (answer != "counterexample")
-
-
-def test_the_answer_for_any_line_keeps_the_assumptions_that_concern_it() -> None:
-    held = {0: 1}
-    idle_only = (AS_IN_THE_FILE, *held_assumptions(held, SCHEDULE))
-    idle = proof(held=held, assumptions=("one", *idle_only, "two"))
-    line = LineProof("", ("a finding",), ("of the line",))
-    assert schedule_proof._line_lines(line, idle, FILE, request(), SCHEDULE) == [
-        "proven by one engine: the checker does not cover any waveform on the line (--any-line)",
-        "  for every power-up, chip, content of the EEPROM and waveform on the line: every pulse begins "
-        "at its slot's cycle and is as wide as complete commands say",
-        "  a finding",
-        "  with an idle line and the EEPROM of the file, every edge is the schedule's:",
-        f"  {SIZE.strip()}",
-        "  assumed:",
-        "    one",
-        "    two",
-        "    of the line",
-    ]
-    found = schedule_proof._line_to_json(line, idle, FILE, request(), SCHEDULE)
-    assert found == {
-        "answer": "proven by one engine",
-        "reason": "",
-        "checked": None,
-        "not_covered": "any waveform on the line (--any-line)",
-        "any_line": ["a finding"],
-        "assumptions": ["one", "two", "of the line"],
-        "counterexample": None,
-    }
-
-
-@pytest.mark.parametrize(
-    ("shown", "reason", "answer", "lines"),
-    [
-        (None, "too deep", "not decided", ["not decided for any line: too deep"]),
-        (wrong(), "RB0 rises", "counterexample", []),
-        (wrong(), "too deep", "counterexample", ["  too deep"]),
-    ],
-)
-def test_any_line_that_is_not_proven_says_why_and_what_an_idle_one_does(
-    shown: Any, reason: str, answer: str, lines: list[str]
-) -> None:
-    line = LineProof(reason, counterexample=shown)
-    first = schedule_proof._counterexample_lines(shown, FILE, request(), SCHEDULE) if shown else []
-    assert schedule_proof._line_lines(line, proof(), FILE, request(), SCHEDULE) == [
-        *first,
-        *lines,
-        "  with an idle line every edge is the schedule's: 3 states, 4 runs of 500 cycles together",
-    ]
-    found = schedule_proof._line_to_json(line, proof(), FILE, request(), SCHEDULE)
-    assert (found["answer"], found["reason"], found["counterexample"] is None) == (answer, reason, not shown)
 
 
 def test_the_content_of_a_counterexample_is_beside_its_inputs() -> None:
@@ -294,13 +143,6 @@ def test_options_that_do_not_go_together_are_refused(
     ran = run("prove", "a.hex", *words)
     assert (ran.code, ran.out, asked) == (2, "", [])
     assert "[conflicting-options]" in ran.err
-
-
-def test_every_time_needs_its_beginning_and_its_end() -> None:
-    assert prove_command._marks(["a", "b"], ["c", "d"]) == [("a", "c"), ("b", "d")]
-    assert prove_command._marks([], []) == []
-    with pytest.raises(InputError, match="2 --from and 1 --to: every time needs both"):
-        prove_command._marks(["a", "b"], ["c"])
 
 
 @pytest.mark.parametrize("fine", [True, False])

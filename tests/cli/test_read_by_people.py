@@ -8,7 +8,6 @@ import platform
 import re
 import shutil
 from collections.abc import Callable
-from contextlib import ExitStack, nullcontext
 from math import cos, radians, sin
 from pathlib import Path
 from types import SimpleNamespace
@@ -314,23 +313,6 @@ def test_a_capture_says_what_it_holds_and_what_comes_next(
     assert alone == [what, f"next: servogen measure {target}"]
     sigrok = ("capture", "--output", target, "--sigrok", "fx2lafw", "--against", schedule)
     assert run(*sigrok).out.splitlines() == [f"{target}: 1.5 s at 1000000 samples a second", next_step]
-
-
-@pytest.mark.parametrize(("program", "compiler"), [(True, True), (True, False), (False, True)])
-def test_a_bench_says_how_sigrok_finds_it_where_sigrok_is(
-    program: bool, compiler: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """sigrok-cli opens pseudo-terminals with a library that is compiled for it."""
-    from servogen.bench.analysers import sigrok
-    from servogen.cli.rig_command import _tell_sigrok
-
-    monkeypatch.setattr(shutil, "which", lambda name: f"/usr/bin/{name}" if program else None)
-    stand_in(monkeypatch, sigrok, "c_compiler", lambda: "/usr/bin/cc" if compiler else None)
-    stand_in(monkeypatch, sigrok, "modem_lines_library", lambda: nullcontext(Path("/tmp/lines.so")))
-    with ExitStack() as stack:
-        _tell_sigrok(stack, "/dev/pts/9")
-    said = "sigrok: LD_PRELOAD=/tmp/lines.so sigrok-cli --driver ols:conn=/dev/pts/9\n"
-    assert capsys.readouterr().out == (said if program and compiler else "")
 
 
 def test_a_pipe_that_nobody_reads_is_exit_code_141(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:

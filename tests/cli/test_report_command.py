@@ -33,7 +33,7 @@ def test_a_job_that_no_chip_can_hold_has_a_page_of_its_plan(run: Run, tmp_path: 
     job.write_text(
         '[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n'
         '[[servo]]\nname = "arm"\npin = "RB0"\nmodel = "futaba-s3001"\n'
-        f"[motion]\nposes = [{poses}]\n"
+        f'[motion]\nposes = [{poses}]\n[firmware]\nengine = "sequence"\n'
     )
     ran = run("report", job, "-o", tmp_path / "page.html")
     assert ran.code == 0

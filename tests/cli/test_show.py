@@ -22,15 +22,6 @@ def first_command() -> None:
     show.begin()
 
 
-@pytest.mark.parametrize(
-    ("cell", "number"),
-    [(7, True), (-7, True), ("1.5", True), ("-1.5", True), (" 3 ", True), ("1.2.3", False), ("--3", False),
-     ("1e5", False), ("", False), ("-", False), (None, False), ("3 mm", False), ("2.-5", True)],
-)  # fmt: skip
-def test_a_number_is_digits_with_a_sign_and_a_point_at_most(cell: object, number: bool) -> None:
-    assert show._numeric(cell) is number
-
-
 def test_a_table_is_as_wide_as_its_rows_up_to_200_columns_in_a_pipe(capsys: Text) -> None:
     """A cell of 150 letters is not wrapped, one of 300 is folded."""
     show.table("T", ("a",), [("x" * 150,)])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
 import re
 import sys
 from collections.abc import Callable
@@ -12,7 +11,6 @@ from pathlib import Path
 import pytest
 import typer
 
-from servogen.cli.main import _Output
 from servogen.cli.options import duration, number
 from servogen.cli.show import table
 from servogen.workflows.job_build import Build
@@ -51,19 +49,6 @@ def test_cells_are_shown_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
     table("Things", ("name", "size"), [("[bold]a[/bold]", "7 mm")])
     (line,) = (line for line in terminal.getvalue().splitlines() if "7 mm" in line)
     assert line.split() == ["[bold]a[/bold]", "7", "mm"]
-
-
-def test_what_is_flushed_is_written_at_once() -> None:
-    """A prompt has no line end: it would be seen after its answer."""
-    reader, writer = os.pipe()
-    os.set_blocking(reader, False)
-    with os.fdopen(writer, "w") as stream:
-        output = _Output(stream, closed=False)
-        output.write("what do you see? ")
-        output.flush()
-        assert os.read(reader, 100) == b"what do you see? "
-    os.close(reader)
-    assert not output.unread
 
 
 @pytest.mark.parametrize(("text", "seconds"), [("0", 0.0), ("1e9", 1e9), ("0.25", 0.25)])

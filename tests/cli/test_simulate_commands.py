@@ -11,13 +11,10 @@ from typing import Any
 import pytest
 
 from servogen import edges, simulator
-from servogen.cli import simulate_command
-from servogen.errors import Diagnostic, InputError
+from servogen.errors import Diagnostic
 from servogen.units import Clock, Cycles
 from tests.cli.conftest import Run
 from tests.cli.stand_ins import stand_in
-
-CLOCK = Clock(4_000_000)
 
 
 def state(**others: Any) -> Any:
@@ -53,65 +50,6 @@ def profile(**others: Any) -> Any:
         "to_json": lambda: {"cycles": 200},
     }
     return SimpleNamespace(**{**given, **others})
-
-
-def test_a_state_has_its_registers_in_hexadecimal_and_its_resets(capsys: pytest.CaptureFixture[str]) -> None:
-    """250,000 cycles of a microsecond."""
-    simulate_command._print_state(state(), CLOCK, 12)
-    assert capsys.readouterr().out.splitlines() == [
-        "250000 cycles, 0.25 s, 12 edges",
-        "PC 0x01F  W 0x05  STATUS 0x18",
-        "TMR0 0x07  FSR 0xAB",
-        "resets: 1 power_on, 2 watchdog; deepest stack 3 of 8, 0 wraps",
-    ]
-
-
-def test_a_profile_begins_with_what_takes_most_cycles(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    tables: list[Any] = []
-    stand_in(monkeypatch, "servogen.cli.show", "table", lambda *given: tables.append(given))
-    simulate_command._print_profile(profile())
-    functions = [("-", 100, "50.00"), ("main", 50, "25.00"), ("loop", 50, "25.00")]
-    lines = [("b.c:9", 60, "30.00", 5), ("b.c:7", 20, "10.00", 4)]
-    assert tables == [
-        ("Functions", ("function", "cycles", "%"), functions),
-        ("Lines", ("line", "cycles", "%", "executions"), lines),
-    ]
-    assert capsys.readouterr().out.splitlines() == [
-        "50.0 % of the program's words were executed",
-        "deepest stack 2 of 8, 9 bytes of RAM written",
-    ]
-    tables.clear()
-    many = {("a.c", number): spent(number) for number in range(1, 22)}
-    simulate_command._print_profile(profile(lines=many))
-    assert [row[1] for row in tables[1][2]] == [*range(21, 1, -1)]  # twenty of the twenty-one
-    tables.clear()
-    simulate_command._print_profile(profile(lines={}, cycles=0, read_unwritten=(0x0C, 0x4F)))
-    assert [title for title, *_ in tables] == ["Functions"]
-    assert capsys.readouterr().out.splitlines()[-1] == "read before they were written: 0x0C, 0x4F"
-
-
-@pytest.mark.parametrize(
-    ("seconds", "cycles", "span"),
-    [(None, None, 1_000_000), (0.25, None, 250_000), (0.0, None, 0), (None, 7, 7), (None, 0, 0)],
-)
-def test_a_program_runs_for_a_second_unless_told_otherwise(
-    seconds: float | None, cycles: int | None, span: int
-) -> None:
-    assert simulate_command._span(CLOCK, seconds, cycles) == span
-
-
-def test_seconds_and_cycles_exclude_each_other() -> None:
-    with pytest.raises(InputError, match="--seconds and --cycles exclude each other"):
-        simulate_command._span(CLOCK, 0.0, 0)
-
-
-def test_progress_is_told_at_the_last_edge_of_each_chunk_that_has_one() -> None:
-    chunks = [SimpleNamespace(cycle=[1, 5]), SimpleNamespace(cycle=[]), SimpleNamespace(cycle=[9])]
-    told: list[int] = []
-    assert list(simulate_command._told(iter(chunks), told.append)) == chunks  # type: ignore[arg-type]
-    assert told == [5, 9]
 
 
 @pytest.fixture

@@ -59,6 +59,7 @@ def test_every_trim_is_proven_and_the_answer_says_which_byte_is_whose(servos: in
     assert "the EEPROM holds what the file says" not in found.assumptions
 
 
+@pytest.mark.campaign
 def test_two_pulses_of_a_slot_are_proven_for_every_pair_of_trims() -> None:
     assert proof(2).runs - proof(1).runs > 255 * 255
 

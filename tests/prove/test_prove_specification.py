@@ -9,7 +9,6 @@ from dataclasses import replace
 import pytest
 
 from servogen.edges import PINS
-from servogen.prove.certificate import _heard
 from servogen.prove.commands import ButtonCommands, OneButton, SerialCodes, WalkCommands, reader_of
 from servogen.prove.specification import (
     BEFORE,
@@ -38,68 +37,8 @@ from servogen.units import Clock, Cycles
 # a line with codes
 
 
-def understood(
-    levels: Sequence[int], codes: Sequence[str], rest: int, stop: int
-) -> Iterator[tuple[str, int]]:
-    """What is remembered of a line after each level, and what it commands; 1 is the level at rest.
-
-    The memory is "" at rest, the levels of a code with its start, or "-" and the levels that are equal.
-    """
-    history, memory, wanted, in_code = "0", "-0", 0, False
-    for level in map(str, levels):
-        if memory == "" and level == "1":
-            yield memory, wanted
-            continue
-        if memory == "":
-            history, in_code = "", True
-        history += level
-        code = history[1:]
-        if in_code and any(each.startswith(code) and each != code for each in codes):
-            memory = history
-            yield memory, wanted
-            continue
-        if in_code and code in codes:
-            wanted = codes.index(code) + 1
-        elif trailing(history, "0") >= stop:
-            wanted = 0
-        in_code = False
-        run = trailing(history, level)
-        if level == "1":
-            memory = "" if run >= rest else "-" + level * run
-        else:
-            memory = "-" + level * min(run, stop - 1)
-        yield memory, wanted
-
-
 def trailing(text: str, level: str) -> int:
     return len(text) - len(text.rstrip(level))
-
-
-@pytest.mark.parametrize("rest_level", [1, 0])
-@pytest.mark.parametrize(
-    ("codes", "rest", "stop"), [(("01", "10"), 2, 3), (("110", "011"), 3, 4), (("1", "00"), 1, 3)]
-)
-def test_every_waveform_is_understood(codes: tuple[str, ...], rest: int, stop: int, rest_level: int) -> None:
-    def on_line(code: str) -> str:
-        return "".join(str(int(level) ^ 1 ^ rest_level) for level in code)
-
-    line = CodeLine(Input("RA3", rest_level), rest, stop)
-    reader = SerialCodes(line, tuple(map(on_line, codes)))
-    assert reader.pins == (PINS.index("RA3"),)
-    assert _heard(reader.at_power_up, rest_level) == on_line("0").join(("-", ""))
-    for levels in itertools.product((0, 1), repeat=10):
-        heard, wanted = reader.at_power_up, 0
-        for level, (memory, command) in zip(levels, understood(levels, codes, rest, stop), strict=True):
-            seen = level ^ 1 ^ rest_level
-            assert reader.unread(0) == PINS.index("RA3")
-            result = reader.sampled(heard, wanted, 0, PINS.index("RA3"), seen)
-            assert result is not None and result[2] == 1
-            heard, wanted = reader.ended(*result)
-            assert wanted == command, levels
-            sign = "-" if memory.startswith("-") else ""
-            assert _heard(heard, rest_level) == sign + on_line(memory.lstrip("-")), levels
-    assert reader.sampled(heard, wanted, 1, PINS.index("RA3"), 0) is None, "it is read once per frame"
-    assert reader.unread(1) is None
 
 
 # buttons for directions

@@ -14,10 +14,9 @@ import pytest
 
 from servogen.job import load, plan_job
 from servogen.pulse.plan import plan
-from servogen.report import calibration_plot, drawing, motion_plot, pulse_plot
+from servogen.report import calibration_plot, drawing, motion_plot
 from servogen.report.drawing import Axis, path_chart, time_chart
 from servogen.report.html import path_charts
-from servogen.report.pulse_plot import PlottedFrame, PlottedPulses
 from servogen.report.tracks import Kind, Track, end_tracks
 from servogen.robot.calibration import Reading, fit
 from tests.report.test_html import job_file
@@ -113,87 +112,6 @@ def test_a_dashed_line_shows_where_the_loop_begins(caught: Caught, tmp_path: Pat
     assert figures[1].axes[1].get_xlabel() == "time, s (repeats from the dashed line on)"
 
 
-def styles(axes: Any) -> dict[str, tuple[str, str]]:
-    return {line.get_label(): (line.get_color(), line.get_linestyle()) for line in axes.lines}
-
-
-def test_servos_beyond_the_colours_are_dashed(axes: Any, tmp_path: Path) -> None:
-    pins = ("RB0", "RB1", "RB2", "RB3", "RB4", "RB5", "RB6", "RB7", "RA0", "RA1", "RA2")
-    servos = "".join(
-        f'[[servo]]\nname = "s{number}"\npin = "{pin}"\nmodel = "futaba-s3001"\n'
-        for number, pin in enumerate(pins)
-    )
-    poses = ", ".join(f"s{number}_deg = 90" for number in range(11))
-    text = f'[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n{servos}[motion]\n'
-    many = plan_job(load(job_file(tmp_path, text + f"poses = [{{ {poses}, hold_s = 0.02 }}]\n", "many")))
-    motion_plot._draw_servos(axes, many, np.array([0.0, 0.02]), np.zeros((1, 11)))
-    found = styles(axes)
-    assert [found[f"s{number}"] for number in range(10)] == [(f"C{number}", "-") for number in range(10)]
-    assert found["s10"] == ("C0", "--")  # the first colour again
-
-
-def test_servos_of_one_leg_have_one_colour(axes: Any) -> None:
-    job = plan_job(load(JOBS / "hexapod-tripod.toml"))
-    motion_plot._draw_servos(axes, job, np.array([0.0, 0.02]), np.zeros((1, len(job.servos))))
-    found = styles(axes)
-    joints = {binding.joint: binding.servo for binding in job.bindings}
-    for number, leg in enumerate(("L1", "L2", "L3", "R1", "R2", "R3")):
-        assert found[joints[f"{leg}_alpha"]] == (f"C{number}", "-")
-        assert found[joints[f"{leg}_beta"]] == (f"C{number}", "--")
-
-
-def test_lines_drawn_first_are_wider_and_the_last_is_thinnest() -> None:
-    widths = [motion_plot._width(index, 4) for index in range(4)]
-    assert widths == pytest.approx([3.0, 2.4, 1.8, 1.2])
-    assert motion_plot._width(0, 1) == pytest.approx(1.2)
-
-
-def pulses(*rows: tuple[float, float]) -> PlottedPulses:
-    rise, width = np.array(rows, dtype=float).T
-    return PlottedPulses("arm", "C0", rise, width)
-
-
-def test_widths_are_drawn_over_seconds_with_a_gap_where_pulses_are_missing(axes: Any) -> None:
-    """Rises at 0, 20, 40 ms and, after a pause, at 100 ms; one and a half periods are no gap yet."""
-    pulse_plot._draw_widths(
-        axes, [pulses((0, 1000), (20_000, 1500), (50_000, 1600), (100_000, 1700))], 20_000
-    )
-    x, y = curve(axes.lines[0])
-    assert x == pytest.approx([0, 0.02, 0.05, math.nan, 0.1], nan_ok=True)
-    assert y == pytest.approx([1000, 1500, 1600, math.nan, 1700], nan_ok=True)
-
-
-def test_the_steps_of_widths_keep_clear_of_the_frame(axes: Any) -> None:
-    """Labels stand above the steps: at least a tenth of their height is free above and below."""
-    pulse_plot._draw_widths(axes, [pulses((0, 1000), (20_000, 2000))], 20_000)
-    low, high = axes.get_ylim()
-    assert 700 < low < 900
-    assert 2100 < high < 2300
-    assert not axes.yaxis.get_major_formatter().get_useOffset()  # a width can be read off each tick
-
-
-def test_a_frame_is_drawn_in_milliseconds_from_its_start(axes: Any) -> None:
-    """A pulse of 1500 µs that rises 3 ms after a frame's start; 5 % of 10 ms on either side."""
-    channel = pulses((23_000, 1500))
-    pulse_plot._draw_frame(axes, [channel, channel], [0, 1], PlottedFrame(20_000, 40_000), 10_000)
-    first, second = axes.lines[-2:]
-    assert curve(first) == (pytest.approx([3, 3, 4.5, 4.5]), pytest.approx([0, 1, 1, 0]))
-    lane = pulse_plot.LANE
-    assert curve(second)[1] == pytest.approx([-lane, 1 - lane, 1 - lane, -lane])
-    margin = pulse_plot.MARGIN * 10
-    assert axes.get_xlim() == pytest.approx((-margin, 10 + margin))
-    assert [text.get_text() for text in axes.texts] == ["1500 µs"] * 2
-    assert axes.texts[0].get_position() == pytest.approx((3.75, 0.45))
-    assert axes.get_ylabel() == "0.02 s"
-
-
-def test_a_channel_without_a_pulse_in_a_frame_is_a_line_without_a_number(axes: Any) -> None:
-    pulse_plot._draw_frame(axes, [pulses((50_000, 1500))], [0], PlottedFrame(20_000, 40_000), 10_000)
-    (line,) = axes.lines
-    assert list(line.get_ydata()) == [0, 0]
-    assert not axes.texts
-
-
 def test_a_chart_of_the_page_has_steps_at_the_pixels_of_its_axes() -> None:
     """960 pixels wide: time 0 at the left end of the axis, the end of the last frame at the right."""
     chart = time_chart(np.array([0.0, 1.0, 2.0]), np.array([[0.0], [10.0]]), ["arm"], "angle", 1.0)
@@ -262,15 +180,6 @@ def test_a_calibration_is_drawn_in_degrees_and_microseconds(caught: Caught, tmp_
     assert stems[:, :, 0] == pytest.approx(np.array([[0, 0], [90.6, 90.6], [180, 180]]))
     assert stems[:, :, 1] == pytest.approx(np.array([[0, -0.2], [0, 0.4], [0, -0.2]]))
     assert below.get_ylim() == pytest.approx((-0.6, 0.6))
-
-
-def test_the_servos_of_one_arm_have_colours_and_widths_of_their_own(axes: Any) -> None:
-    job = plan_job(load(JOBS / "scara-pick.toml"))
-    count = len(job.servos)
-    motion_plot._draw_servos(axes, job, np.array([0.0, 0.02]), np.zeros((1, count)))
-    assert [line.get_color() for line in axes.lines] == [f"C{number}" for number in range(count)]
-    widths = [3.0 - 1.8 * number / (count - 1) for number in range(count)]
-    assert [line.get_linewidth() for line in axes.lines] == pytest.approx(widths)
 
 
 @pytest.mark.parametrize(("kind", "views"), [("foot", 2), ("base", 1)])

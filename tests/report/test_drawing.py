@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from servogen.edges import PINS
-from servogen.report import drawing
 from servogen.report.drawing import (
     PALETTE,
     Axis,
@@ -167,29 +166,6 @@ def test_the_fourteenth_line_has_the_first_colour_again() -> None:
     paths = path_chart([(str(n), point, point) for n in range(14)], "x", "y")
     assert [line.colour for line in paths.lines[::2]] == [*PALETTE, PALETTE[0]]
     assert [line.colour for line in paths.lines[1::2]] == [*PALETTE, PALETTE[0]]
-
-
-@pytest.mark.parametrize(
-    ("values", "low", "high"),
-    [
-        ([10.0, 110.0], 4, 116),
-        ([5.0, 5.0], 4, 6),  # all alike: 1 on either side,
-        ([200.0, 200.0], 196, 204),  # or 2 % if that is more
-        ([-200.0, -200.0], -204, -196),
-        ([50.0, 50.0], 49, 51),
-        ([math.nan, 3.0, 7.0], 2.76, 7.24),
-        ([math.nan, math.nan], -0.06, 1.06),
-    ],
-)
-def test_there_is_room_around_the_values_of_a_chart(values: list[float], low: float, high: float) -> None:
-    assert drawing._around(np.array(values)) == pytest.approx((low, high))
-
-
-def test_a_short_axis_is_widened_on_both_sides() -> None:
-    assert drawing._margins_around((2.0, 4.0), 6.0) == (0, 6)
-    assert drawing._margins_around((-5.0, -1.0), 5.0) == (-5.5, -0.5)
-    assert drawing._margins_around((2.0, 4.0), 2.0) == (2, 4)
-    assert drawing._margins_around((2.0, 4.0), 1.0) == (2, 4)
 
 
 def test_paths_have_planned_lines_and_dots_where_they_were_made() -> None:

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib import animation
-from matplotlib.figure import Figure
 
 from servogen.errors import InputError, ToolError
 from servogen.job import load, plan_job
@@ -20,55 +19,10 @@ from servogen.report.film import FilmPart, FilmScene, film, job_scene, walk_scen
 from tests.report.legible import check_legible
 
 JOBS = Path(__file__).parents[2] / "jobs"
-NAN = math.nan
-
-
-@pytest.mark.parametrize(
-    ("frames", "step"), [(1, 1), (99, 1), (100, 1), (101, 2), (200, 2), (201, 3), (300, 3), (1000, 10)]
-)
-def test_every_frame_is_filmed_up_to_a_hundred(frames: int, step: int) -> None:
-    assert film_module._step(frames) == step
-    assert len(range(0, frames, step)) <= 100
-
-
-def test_a_servo_without_pulses_keeps_its_angle_and_begins_at_its_first() -> None:
-    angles = np.array([[NAN, 1, NAN], [NAN, NAN, NAN], [5, NAN, NAN], [NAN, 2, NAN], [6, NAN, NAN]])
-    held = film_module._held(angles)
-    assert held[:, 0].tolist() == [5, 5, 5, 5, 6]
-    assert held[:, 1].tolist() == [1, 1, 1, 2, 2]
-    assert np.isnan(held[:, 2]).all()
-    assert np.isnan(angles[0, 0])  # what was planned is left as it is
 
 
 def limb(x: float, y: float, z: float = 0.0) -> Any:
     return SimpleNamespace(mount=SimpleNamespace(x=x, y=y, z=z))
-
-
-def test_the_body_is_a_closed_polygon_around_the_mounts() -> None:
-    """Counter-clockwise from -180°, whatever the order of the limbs; an arm has no body."""
-    limbs = [limb(1, 1), limb(-1, -1), SimpleNamespace(mount=None), limb(1, -1, 0.5), limb(-1, 1)]
-    (body,) = film_module._body(limbs, 3)
-    assert len(body.frames) == 3
-    for corners in body.frames:
-        assert corners.tolist() == [[-1, -1, 0], [1, -1, 0.5], [1, 1, 0], [-1, 1, 0], [-1, -1, 0]]
-    assert (body.colour, body.width, body.marks) == ("0.35", 3.0, False)
-    assert film_module._body([SimpleNamespace(mount=None)], 3) == []  # type: ignore[list-item]
-
-
-def test_the_support_polygon_is_closed_and_at_the_feets_mean_height() -> None:
-    feet = np.array([[0, 0, -0.1], [1, 0, -0.2], [0, 1, -0.3]])
-    polygon = film_module._polygon(feet)
-    assert polygon[0].tolist() == polygon[-1].tolist()
-    assert {tuple(corner) for corner in polygon[:, :2].tolist()} == {(0, 0), (1, 0), (0, 1)}
-    assert polygon[:, 2] == pytest.approx([-0.2] * 4)
-    assert film_module._polygon(feet[:0]).shape == (0, 3)
-
-
-def test_a_trace_is_the_whole_path_in_every_picture() -> None:
-    points = np.arange(21.0).reshape(7, 3)
-    trace = film_module._trace(points, 3)
-    assert [shown is points for shown in trace.frames] == [True] * 3
-    assert (trace.colour, trace.width, trace.marks) == ("0.6", 1.0, False)
 
 
 def scene(kind: str = "three pictures") -> FilmScene:
@@ -144,36 +98,6 @@ def test_an_mp4_is_written_by_ffmpeg_where_it_is_installed(
 def test_a_film_is_a_gif_or_an_mp4(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"'\.png' is not a film that can be written"):
         film(scene(), tmp_path / "a.png")
-
-
-def test_the_box_has_the_robots_proportions_and_its_lines_their_dots() -> None:
-    """200 by 100 by 50 mm; matplotlib scales the three lengths together."""
-    axes: Any = Figure().add_subplot(projection="3d")
-    corners = [np.array([[0, 0, 0], [0.2, 0.1, 0.05], [NAN, 0, 0]])]
-    parts = (FilmPart(corners, "C1", 2.5), FilmPart(corners, "C2", marks=False))
-    dotted, plain = film_module._set_up(axes, FilmScene("box", parts, 0.1))
-    assert axes.get_xlim() == pytest.approx((-16, 216))
-    assert axes.get_ylim() == pytest.approx((-8, 108))
-    assert axes.get_zlim() == pytest.approx((-4, 54))
-    x, y, z = axes._box_aspect.tolist()
-    assert (x / z, y / z) == pytest.approx((4, 2))
-    assert (dotted.get_linewidth(), plain.get_linewidth()) == (2.5, 2.0)
-    assert (plain.get_marker(), plain.get_linestyle()) == ("None", "-")
-    assert dotted.get_marker() != "None"
-    assert [axes.get_xlabel(), axes.get_ylabel(), axes.get_zlabel()] == ["x, mm", "y, mm", "z, mm"]
-    assert (axes.elev, axes.azim) == (28.0, -60.0)
-
-
-def test_the_scene_of_a_leg_has_its_path_and_a_dotted_line() -> None:
-    job = plan_job(load(JOBS / "lab9-exercise.toml"))
-    found = job_scene(job)
-    trace, leg = found.parts
-    assert (trace.colour, trace.marks, leg.colour, leg.marks, leg.width) == ("0.6", False, "C0", True, 2.0)
-    assert trace.frames[0][:: film_module._step(len(trace.frames[0]))] == pytest.approx(
-        np.array([picture[-1] for picture in leg.frames])
-    )  # each picture's leg ends on the path
-    assert found.title == "lab9-exercise"
-    assert found.view == (28.0, -60.0)
 
 
 def test_a_motion_that_ends_is_filmed_from_its_beginning() -> None:

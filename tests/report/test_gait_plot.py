@@ -9,13 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib.colors import same_color
-from matplotlib.figure import Figure
 
 from servogen.errors import InputError
 from servogen.report import gait_plot
 from servogen.report.gait_facts import diagram
-from tests.report.legible import check_legible, check_marks
+from tests.report.legible import check_legible
 
 FEET = np.array(  # (frames, legs, xyz) in metres: L steps forward in frames 1 and 2, R stands
     [
@@ -54,143 +52,11 @@ TIMES = np.array([0.0, 0.02, 0.04, 0.06, 0.08])
 
 
 @pytest.fixture
-def axes() -> Any:
-    return Figure().add_subplot()
-
-
-def test_stretches_on_the_ground_begin_and_end_with_their_frames() -> None:
-    for frames, expected in (
-        ([True, False, False, True], [(0.0, 0.02), (0.06, 0.02)]),
-        ([False, True, True, False], [(0.02, 0.04)]),
-        ([True] * 4, [(0.0, 0.08)]),
-        ([False] * 4, []),
-    ):
-        assert gait_plot._stretches(np.array(frames), TIMES) == [pytest.approx(each) for each in expected]
-
-
-def test_the_diagram_has_a_row_for_each_leg_from_the_first_at_the_top(axes: Any) -> None:
-    gait_plot._draw_diagram(axes, steps(), TIMES)
-    bars = [[path.get_extents().bounds for path in each.get_paths()] for each in axes.collections]
-    whole, left, _, right = bars
-    assert [tuple(bounds) for bounds in whole] == [pytest.approx((0, -0.35, 0.08, 0.7))]
-    assert [tuple(bounds) for bounds in left] == [
-        pytest.approx((0, -0.35, 0.02, 0.7)),
-        pytest.approx((0.06, -0.35, 0.02, 0.7)),
-    ]
-    assert [tuple(bounds) for bounds in right] == [pytest.approx((0, 0.65, 0.08, 0.7))]
-    colours = [each.get_facecolor()[0] for each in axes.collections]
-    assert all(same_color(one, other) for one, other in zip(colours, ("0.88", "0.25") * 2, strict=True))
-    assert axes.get_ylim() == (1.5, -0.5)
-    assert axes.get_yticks().tolist() == [0, 1]
-    assert [label.get_text() for label in axes.get_yticklabels()] == ["L", "R"]
-    assert axes.get_title() == "gait diagram: dark on the ground, light in the air"
-
-
-def test_the_margin_is_a_curve_with_its_least_point_and_a_gap_without_feet(axes: Any) -> None:
-    gait_plot._draw_margin(axes, steps(), facts(), TIMES)
-    curve, worst, zero = axes.lines
-    assert curve.get_xdata() == pytest.approx(TIMES)
-    assert curve.get_ydata() == pytest.approx([10, 4, math.nan, 12, 12], nan_ok=True)
-    assert (curve.get_drawstyle(), curve.get_color()) == ("steps-post", "tab:blue")
-    assert (list(worst.get_xdata()), list(worst.get_ydata())) == ([0.02], [4.0])
-    assert (worst.get_marker(), worst.get_color()) == ("o", "tab:red")
-    assert list(zero.get_ydata()) == [0, 0]
-    check_marks(axes)
-    assert axes.get_title() == "centre of mass inside the support polygon: at least 4.0 mm in frame 1"
-    assert axes.get_ylabel() == "stability margin, mm"
-
-
-def test_fewer_than_three_legs_have_no_curve(axes: Any) -> None:
-    gait_plot._draw_margin(axes, steps(), facts(margin=None), TIMES)
-    assert (len(axes.lines), len(axes.get_yticks())) == (0, 0)
-    assert axes.get_title() == "fewer than three legs: something else must hold the robot"
-
-
-def test_springs_are_curves_of_their_length_in_millimetres(axes: Any) -> None:
-    """0.3 mm and 0.4 mm at a right angle are 0.5 mm."""
-    gait_plot._draw_springs(axes, steps(), TIMES)
-    left, right = axes.lines
-    assert left.get_ydata() == pytest.approx([0] * 5)
-    assert right.get_ydata() == pytest.approx([0, 0, 0.5, 0, 0])
-    assert left.get_linewidth() > right.get_linewidth()  # equal curves: the one beneath is seen
-    assert [line.get_label() for line in axes.lines] == ["L", "R"]
-    assert [line.get_color() for line in axes.lines] == ["C0", "C1"]
-    assert {line.get_drawstyle() for line in axes.lines} == {"steps-post"}
-    assert axes.get_title() == "deflection of the springs: at most 0.50 mm"
-    assert axes.get_ylim()[0] == 0
-    check_marks(axes)
-
-
-def test_a_foots_round_begins_with_the_loop_and_ends_where_it_began() -> None:
-    around = gait_plot._round(steps(), 1)
-    assert around == pytest.approx(FEET[[1, 2, 3, 1], 1])
-
-
-def test_the_side_shows_the_first_foots_round_with_dots_of_two_colours(axes: Any) -> None:
-    gait_plot._draw_side(axes, steps())
-    path, down, up = axes.lines
-    assert path.get_xdata() == pytest.approx([60, 70, 80, 60])
-    assert path.get_ydata() == pytest.approx([-80, -80, -100, -80])
-    assert path.get_linestyle() == "-"
-    assert (down.get_xdata().tolist(), up.get_xdata().tolist()) == (
-        pytest.approx([80]),
-        pytest.approx([60, 70, 60]),
-    )
-    assert [(line.get_marker(), line.get_label()) for line in (down, up)] == [
-        ("o", "on the ground"),
-        ("o", "in the air"),
-    ]
-    assert not same_color(down.get_color(), up.get_color())
-    assert axes.get_legend() is not None
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("x (forward), mm", "z, mm")
-    assert axes.get_title() == "the foot of L from the side"
-
-
-@pytest.fixture
 def two_legs(monkeypatch: pytest.MonkeyPatch) -> Any:
     """A robot with a leg at the left and one at the right, its centre of mass 3 mm forward."""
     mounts = [SimpleNamespace(x=0.1, y=0.02), SimpleNamespace(x=0.1, y=-0.02)]
     monkeypatch.setattr(gait_plot, "mounts_of", lambda robot: mounts)
     return SimpleNamespace(name="biped", centre_of_mass=(0.003, 0.0, 0.0))
-
-
-def test_from_above_there_are_feet_names_polygon_and_centre(axes: Any, two_legs: Any) -> None:
-    gait_plot._draw_above(axes, two_legs, steps(), facts(margin_frame=2))
-    left, right, stand, centre = axes.lines
-    assert [line.get_color() for line in (left, right)] == ["C0", "C1"]
-    assert (stand.get_xdata().tolist(), stand.get_ydata().tolist()) == ([pytest.approx(30.3)], [-30.0])
-    assert stand.get_marker() == "o"
-    assert (centre.get_xdata().tolist(), centre.get_ydata().tolist()) == ([3.0], [0.0])
-    assert centre.get_marker() == "+"
-    names = [(text.get_text(), text.xy, text.xyann, text.get_va()) for text in axes.texts]
-    assert names == [
-        ("L", (pytest.approx(67.5), 30.0), (0, 4), "bottom"),  # the mean of 60, 70, 80, 60
-        ("R", (pytest.approx(32.5), -30.0), (0, -4), "top"),
-    ]
-    assert [(text.get_color(), text.get_ha(), text.anncoords) for text in axes.texts] == [
-        ("C0", "center", "offset points"),
-        ("C1", "center", "offset points"),
-    ]
-    body, polygon = axes.patches
-    assert body.get_zorder() < polygon.get_zorder() < left.get_zorder()
-    assert 0 < polygon.get_alpha() < 0.5
-    legend = axes.get_legend()
-    assert [text.get_text() for text in legend.get_texts()] == ["on the ground in frame 2", "centre of mass"]
-    check_marks(axes)
-    assert axes.get_title() == "from above: foot paths and the support polygon with the smallest margin"
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("x (forward), mm", "y (left), mm")
-
-
-def test_without_feet_on_the_ground_there_is_a_centre_and_no_polygon(axes: Any, two_legs: Any) -> None:
-    gait_plot._draw_above(axes, two_legs, steps(ground=np.zeros((4, 2), bool)), facts(margin=-math.inf))
-    assert (len(axes.patches), len(axes.lines)) == (1, 3)
-    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["centre of mass"]
-
-
-def test_without_a_margin_there_are_paths_only(axes: Any, two_legs: Any) -> None:
-    gait_plot._draw_above(axes, two_legs, steps(), facts(margin=None))
-    assert (len(axes.patches), len(axes.lines), axes.get_legend()) == (1, 2, None)
-    assert axes.get_title() == "from above: the foot's path"
 
 
 @pytest.mark.parametrize(("start", "words"), [(0, "time, s"), (1, "time, s (repeats from the red line on)")])

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 
-from servogen.edges import PINS, EdgeTrace
-from servogen.errors import Diagnostic, Location
+from servogen.edges import PINS
 from servogen.job import PlannedJob, loads, plan_job
 from servogen.pic.listing import ListedFunction, Listing
-from servogen.plan_error import PlanError
 from servogen.pulse import PulsePlan, plan
 from servogen.report import html
 from servogen.report.html import CaptureFacts, PageFacts
@@ -74,66 +70,6 @@ def capture(exact: bool, agrees: bool, **others: Any) -> CaptureFacts:
     return CaptureFacts("run.vcd", Any, found)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(
-    ("programs", "captured", "state"),
-    [
-        ((), None, ("open", "planned, not built")),
-        ((program(False),), None, ("bad", "NOT exact")),
-        ((program(), program(False)), None, ("bad", "NOT exact")),
-        ((program(False),), capture(True, True), ("bad", "NOT exact")),
-        ((program(),), None, ("good", "every edge exact")),
-        ((program(),), capture(True, True), ("good", "every edge exact")),
-        ((program(),), capture(False, True), ("open", "program exact, capture agrees in part")),
-        ((program(),), capture(False, False), ("bad", "program exact, capture does NOT agree")),
-    ],
-)
-def test_the_badge_says_no_more_than_was_proven(
-    facts: PageFacts,
-    programs: tuple[ProgramFacts, ...],
-    captured: CaptureFacts | None,
-    state: tuple[str, str],
-) -> None:
-    assert html._state(replace(facts, programs=programs, capture=captured)) == state
-
-
-def test_the_distance_from_the_schedule_is_that_of_proven_programs_only(facts: PageFacts) -> None:
-    exact = replace(facts.plan.schedule, plan_error=PlanError(0.25, 0.045))
-    at = replace(facts, plan=replace(facts.plan, schedule=exact))
-    words = "the schedule is within 0.25 µs, 0.045° of the plan"
-    assert html._distance(at) == words
-    assert html._distance(replace(at, programs=(program(), program(False)))) == words
-    assert (
-        html._distance(replace(at, programs=(program(), program()))) == f"0 cycles from the schedule; {words}"
-    )
-
-
-def test_the_tiles_have_the_numbers_of_the_motion_and_of_the_first_program(facts: PageFacts) -> None:
-    motion = [
-        ("2", "servos"),
-        ("20 ms", "period"),
-        ("0.2 s", "loop, 10 frames"),
-        ("0.1 s", "lead-in, 5 frames"),
-    ]
-    assert list(html._tiles(facts)) == motion
-    other = replace(program(), words=1, ram_bytes=1)
-    assert list(html._tiles(replace(facts, programs=(program(), other)))) == [
-        *motion,
-        ("256 of 1024", "words of program"),  # DS35007 section 2.1
-        ("17 of 68", "bytes of RAM"),  # section 2.2
-        ("3", "cycles, the worst edge error"),
-        ("30", "frames checked"),
-    ]
-    one = (
-        TEXT[: TEXT.index('[[servo]]\nname = "hand"')]
-        + "[motion]\nposes = [{ arm_deg = 0, hold_s = 0.02 }]\n"
-    )
-    assert list(html._tiles(PageFacts(*planned(one, 0), ()))) == [
-        ("1", "servo"),
-        ("20 ms", "period"),
-        ("0.02 s", "loop, 1 frame"),
-    ]
-
-
 def test_the_wiring_has_the_range_and_the_trim_of_each_servo(facts: PageFacts) -> None:
     """A Futaba S3001 of the labs: 1 ms at 0° and 1 ms more at 180°, trimmed by 12.5 µs."""
     arm, hand, supply, *_ = html.wiring_rows(facts.job)
@@ -143,81 +79,6 @@ def test_the_wiring_has_the_range_and_the_trim_of_each_servo(facts: PageFacts) -
     assert hand == ("18", "RA1", "hand", title, f"{low:g} to {high:g} µs", "–")
     assert supply == ("14", "VDD", "+5 V, 100 nF to VSS", "", "", "")
     assert ("4", "MCLR", "10 kΩ to VDD", "", "", "") in list(html.wiring_rows(facts.job))
-
-
-def test_the_page_has_the_values_of_its_job(facts: PageFacts) -> None:
-    shown = html._values(facts)
-    assert shown["title"] == "two"
-    assert shown["chip"] == "PIC16F84, 8 MHz crystal (HS); one instruction cycle is 0.5 µs"  # DS35007 6.2
-    assert (shown["programs"], shown["capture"], shown["costs"], shown["memory"]) == ((), None, (), ())
-    assert (shown["listing"], shown["notes"], shown["warnings"], shown["twin"]) == ("", [], [], None)
-    assert (shown["paths"], shown["errors"], shown["not_built"]) == ((), (), "")
-    said = Diagnostic("note", "x", "said", Location("a.toml", key="motion"))
-    plain = Diagnostic("note", "x", "said")
-    noted = replace(facts, job=replace(facts.job, notes=(said, plain)), warnings=(plain,), not_built="why")
-    again = html._values(noted)
-    assert (again["notes"], again["warnings"], again["not_built"]) == (
-        ["motion: said", "said"],
-        ["said"],
-        "why",
-    )
-
-
-def test_a_stream_job_says_that_its_positions_come_over_the_line() -> None:
-    text = TEXT.split("[motion]")[0] + "[stream]\n"
-    shown = html._values(PageFacts(*planned(text, 0), ()))
-    assert shown["notes"] == [html.ALONE]
-
-
-def test_the_viewer_opens_four_frames_from_just_before_the_first_pulse(facts: PageFacts) -> None:
-    """The room before a frame is 4 % of 1.06 times its longest time."""
-    values: Any = html._signal_values(facts)
-    data = json.loads(values["signal_data"])
-    schedule = facts.plan.schedule
-    ends = [
-        pulse.rise + pulse.width
-        for run in (*schedule.lead_in, *schedule.loop)
-        for pulse in run.pulses
-        if pulse
-    ]
-    start = -0.04 * 1.06 * max(ends) * 0.5
-    assert data["first"] == pytest.approx([start, start + 80_000])
-    assert (data["end"], data["period"], data["loop"], data["cycle_us"]) == (300_000, 20_000, 100_000, 0.5)
-    assert data["pins"] == list(PINS)
-    rows = [(row["channel"], row["pin"], row["kind"], len(row["rise"])) for row in data["rows"]]
-    assert rows == [("arm", PINS.index("RB0"), "planned", 15), ("hand", PINS.index("RA1"), "planned", 15)]
-    assert len({row["colour"] for row in data["rows"]}) == 2
-    assert (values["span_s"], values["cut"], len(values["views"])) == ("0.3", False, 2)
-
-
-def test_a_short_motion_is_shown_whole_and_a_long_one_cut() -> None:
-    """Two frames last 40 ms; of two hours 2000 frames of 20 ms are drawn."""
-    text = TEXT.replace("hold_s = 0.1", "hold_s = 0.02").replace("hold_s = 0.2", "hold_s = 0.02")
-    short: Any = html._signal_values(PageFacts(*planned(text, 0), ()))
-    data = json.loads(short["signal_data"])
-    assert data["first"][1] == data["end"] == 40_000
-    assert (data["loop"], short["span_s"], short["cut"]) == (0, "0.04", False)
-    job, pulses = planned(loop_start=0)
-    for frames, span, cut in ((1999, "39.98", False), (2000, "40", False), (2001, "40", True)):
-        loop = (replace(pulses.schedule.loop[0], frames=frames),)
-        long = replace(pulses, schedule=replace(pulses.schedule, loop=loop))
-        values: Any = html._signal_values(PageFacts(job, long, ()))
-        assert (values["span_s"], values["cut"]) == (span, cut)
-
-
-def test_charts_begin_at_zero_and_mark_the_loop(facts: PageFacts) -> None:
-    schedule = facts.plan.schedule
-    assert html._times(schedule).tolist() == pytest.approx([0.02 * frame for frame in range(16)])
-    assert html._mark(schedule) == pytest.approx(0.1)
-    assert html._mark(planned(loop_start=0)[1].schedule) is None
-    angles, widths = html.angle_chart(facts.job, schedule), html.width_chart(schedule)
-    assert [line.label for line in angles.lines] == [line.label for line in widths.lines] == ["arm", "hand"]
-    assert (angles.y_label, widths.y_label) == ("servo angle, °", "pulse width, µs")
-    third = 58 + 890 / 3  # of the width between the margins
-    assert [float(chart.mark or 0) for chart in (angles, widths)] == pytest.approx([third] * 2, abs=0.051)
-    wheels = [replace(servo, model=replace(servo.model, continuous=True)) for servo in facts.job.servos]
-    for servos, label in ((wheels, "wheel speed, °/s"), ((wheels[0], facts.job.servos[1]), "servo angle, °")):
-        assert html.angle_chart(replace(facts.job, servos=tuple(servos)), schedule).y_label == label
 
 
 def test_rounded_widths_have_the_pulse_that_they_are_of(facts: PageFacts) -> None:
@@ -317,14 +178,6 @@ def test_functions_are_listed_from_the_longest_to_the_shortest_then_by_address()
     assert list(html.costs(None)) == []
 
 
-@pytest.mark.parametrize(
-    ("reasons", "text"),
-    [("ab", "a, b"), ("abc", "a, b and 1 more"), ("a", "a"), ("abcde", "a, b and 3 more")],
-)
-def test_two_reasons_are_named_and_the_others_counted(reasons: str, text: str) -> None:
-    assert html._few(reasons) == text
-
-
 def test_memory_is_a_share_of_the_chips() -> None:
     """256 of 1024 words are a quarter, 17 of 68 bytes as well."""
     assert html.memory(()) == ()
@@ -332,13 +185,3 @@ def test_memory_is_a_share_of_the_chips() -> None:
         ("program words", 256, 1024, "25.0"),
         ("bytes of RAM", 17, 68, "25.0"),
     )
-
-
-def test_the_rows_of_a_channel_stand_together(facts: PageFacts) -> None:
-    """First all of the arm's, planned before simulated, then all of the hand's."""
-    schedule = facts.plan.schedule
-    trace = EdgeTrace(schedule.clock, (), Cycles(0))
-    seen = json.loads(html._signal_values(replace(facts, trace=trace))["signal_data"])
-    rows = [(row["channel"], row["kind"]) for row in seen["rows"]]
-    assert rows == [(name, kind) for name in ("arm", "hand") for kind in ("planned", "simulated")]
-    assert np.all([row["rise"] == [] for row in seen["rows"][1::2]])

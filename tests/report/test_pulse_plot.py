@@ -15,9 +15,6 @@ from servogen.report.pulse_plot import (
     MAX_FRAMES_SHOWN,
     PlottedFrame,
     PlottedPulses,
-    _lanes,
-    _period,
-    _starts,
     distinct_frames,
     observed_pulses,
     pulse_figure,
@@ -58,13 +55,6 @@ def test_a_pulse_that_the_trace_or_the_span_cuts_off_is_not_drawn() -> None:
     assert found.rise.tolist() == [0]
 
 
-def test_frames_without_a_schedule_begin_with_their_first_pulse_whatever_their_lengths() -> None:
-    """As in the printed programs: 19 ms and 20 ms, and a pause."""
-    first, second = channel((0, 1), (19, 1), (69, 2), (89, 2)), channel((2, 1), (21, 1), (71, 1), (91, 1))
-    starts = _starts([first, second], _period([first, second]), free=True)
-    assert starts.tolist() == [0, 19, 69, 89]
-
-
 def test_each_set_of_widths_is_shown_once() -> None:
     frames = distinct_frames([channel((0, 1), (20, 1), (40, 2), (60, 1))], np.array([0.0, 20, 40, 60]), 20)
     assert frames == [PlottedFrame(0, 20), PlottedFrame(40, 60)]
@@ -75,12 +65,6 @@ def test_of_many_frames_the_first_and_the_last_are_shown_and_some_between() -> N
     frames = distinct_frames([many], many.rise, 20)
     assert [frame.start for frame in frames] == [0, 400, 800, 1200, 1600, 2000]
     assert len(frames) == MAX_FRAMES_SHOWN
-
-
-def test_pulses_that_overlap_stand_below_each_other_and_others_beside() -> None:
-    together, between, after = channel((0, 10)), channel((5, 10)), channel((15, 10))
-    assert _lanes([together, between, after], [PlottedFrame(0, 100)]) == [0, 1, 0]
-    assert _lanes([together, after, after], [PlottedFrame(0, 100)]) == [0, 0, 1]
 
 
 def test_a_trace_without_pulses_is_no_picture(tmp_path: Path) -> None:
@@ -150,19 +134,6 @@ def test_the_first_pulse_of_a_time_begins_in_it(
     assert channel((0, 1), (10, 2)).within(start, end) == found
 
 
-def test_the_period_is_the_median_time_from_pulse_to_pulse_of_each_channel() -> None:
-    """20, 20, 50 and 30 ms; a single pulse is taken for half of a period."""
-    assert _period([channel((0, 1), (20, 1), (40, 1), (90, 1)), channel((5, 1), (35, 1))]) == 25
-    assert _period([channel((0, 7)), channel((3, 11))]) == 22
-
-
-def test_frames_of_a_schedule_begin_at_its_period_and_free_ones_half_a_period_apart() -> None:
-    pulses = [channel((0, 1), (9, 1), (41, 1)), channel((19.9999999999, 1), (59, 1))]
-    assert _starts(pulses, 20, free=False).tolist() == [0, 20, 40]
-    edge = [channel((0, 1), (10, 1), (10.5, 1), (20.5, 1), (20.75, 1))]
-    assert _starts(edge, 20, free=True).tolist() == [0, 10.5, 20.75]
-
-
 def test_a_frame_ends_with_its_period_or_with_the_next_frame() -> None:
     """Frames at 0, 15 and 40 with a period of 20: the first is cut short, the second is not stretched."""
     pulses = [channel((0, 1), (15, 2), (40, 3))]
@@ -179,16 +150,6 @@ def test_widths_are_alike_within_half_a_nanosecond_and_a_missing_pulse_is_not() 
     alike = channel((0, 1), (20, 1.0004), (40, 1.0006), (80, 1))
     frames = distinct_frames([alike], np.array([0.0, 20, 40, 60, 80]), 20)
     assert [frame.start for frame in frames] == [0, 40, 60]
-
-
-def test_rows_are_those_of_any_frame_and_touching_pulses_share_one() -> None:
-    """Of two frames the second has overlapping pulses; a channel without a pulse there overlaps nothing."""
-    first, second = channel((0, 5), (20, 5)), channel((5, 5), (24, 5))
-    assert _lanes([first, second], [PlottedFrame(0, 20)]) == [0, 0]
-    assert _lanes([first, second], [PlottedFrame(0, 20), PlottedFrame(20, 40)]) == [0, 1]
-    assert _lanes([first, channel((50, 5))], [PlottedFrame(20, 40)]) == [0, 0]
-    assert _lanes([channel((5, 5)), channel((0, 5))], [PlottedFrame(0, 20)]) == [0, 0]
-    assert _lanes([channel((0, 9)), channel((1, 9)), channel((2, 9))], [PlottedFrame(0, 20)]) == [0, 1, 2]
 
 
 def test_all_frames_have_the_time_of_the_longest_and_rows_for_overlapping_pulses() -> None:

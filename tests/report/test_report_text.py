@@ -1,14 +1,12 @@
 """report.txt tells what the pulses do at the foot or tool."""
 
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
 from servogen.job import load, plan_job
 from servogen.pulse.plan import plan
-from servogen.report.text import BuildFacts, _if_not_for_every_path, report_text
+from servogen.report.text import BuildFacts, report_text
 
 JOBS = Path(__file__).parents[2] / "jobs"
 
@@ -40,13 +38,3 @@ def test_a_robots_report_has_the_error_in_millimetres(name: str, end: str) -> No
 
 def test_servos_without_a_robot_have_no_such_section() -> None:
     assert "Paths" not in report("lab8-exercise")
-
-
-@pytest.mark.parametrize(
-    ("left", "said"),
-    [((0, 5), ""), ((-1, 5), "exceeds the room"), ((None,), "exceeds the room"), ((), "")],
-)
-def test_a_bound_that_leaves_no_time_at_all_still_holds(left: tuple[int | None, ...], said: str) -> None:
-    program: Any = SimpleNamespace(timing_budgets=[SimpleNamespace(left=each) for each in left])
-    words = _if_not_for_every_path(program)
-    assert (said in words) if said else words == ""

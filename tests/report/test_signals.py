@@ -149,21 +149,6 @@ def test_a_capture_goes_around_the_loop_once() -> None:
     assert captured.rise == (20_000, 40_000, 60_000)  # the lead-in's second frame, then the loop's first two
 
 
-@pytest.mark.parametrize(("first", "at"), [(number, 20_000 * number) for number in (0, 1, 2, 3, 4, 7)])
-def test_the_shift_of_a_capture_follows_the_schedule_around_the_loop(first: int, at: int) -> None:
-    """A pulse that was seen at 300 µs and is the first of a frame; of frame 2 the leg has no pulse."""
-    none = np.array([])
-    seen = (np.array([300.0]), np.array([1000.0]))
-    assert signals._shift(schedule(), [seen, (none, none), (none, none)], first) == at - 300
-    foot = [(none, none), (none, none), seen]
-    assert signals._shift(schedule(), foot, first) == at + 2000 - 300
-    assert signals._shift(schedule(), foot, None) == 0
-    leg = signals._shift(schedule(), [(none, none), seen, (none, none)], 2)
-    assert leg == 40_000 - 300
-    later = (np.array([301.0]), np.array([1.0]))
-    assert signals._shift(schedule(), [later, (none, none), seen], first) == at + 2000 - 300
-
-
 def motion(count: int, each: int = 1) -> PulseSchedule:
     """`count` distinct frames, `each` of them in a row."""
     runs = tuple(Run(each, (pulse(0, 1000 + number),)) for number in range(count))

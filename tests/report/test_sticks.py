@@ -13,7 +13,7 @@ from servogen.kinematics.catalogue import arm, names, robot
 from servogen.kinematics.forward import fk_position
 from servogen.kinematics.leg import Leg
 from servogen.kinematics.omni import OmniBase
-from servogen.report.film import MAX_PICTURES, FilmPart, FilmScene, _set_up, film, job_scene
+from servogen.report.film import MAX_PICTURES, FilmPart, FilmScene, film, job_scene
 from servogen.report.sticks import base_outline, stick
 from servogen.robot.model import Arm, FixedFrame
 
@@ -152,22 +152,3 @@ def test_each_picture_shows_its_frame_in_millimetres_and_the_time(
         assert clock.get_text() == f"{('0.00', '0.25', '0.50')[frame]} s"
     assert [line.get_marker() for line in axes.lines] == ["o", "None"]
     assert (tmp_path / "a.gif").read_bytes() == b"film"
-
-
-@pytest.mark.parametrize("elevation", [28.0, 90.0])
-def test_the_box_of_a_film_holds_all_frames_to_one_scale_with_room_around(elevation: float) -> None:
-    """200 by 100 mm, flat: as high as a twentieth of its length, and 8 % of the size free on each side."""
-    from matplotlib.figure import Figure
-
-    frames = [np.array([[0, 0, 0.01], [0.1, 0.1, 0.01]]), np.array([[0.1, 0, 0.01], [0.2, 0.05, 0.01]])]
-    axes: Any = Figure().add_subplot(projection="3d")
-    scene = FilmScene("box", (FilmPart(frames, "C3", 1.5),), 0.1, (elevation, -90.0))
-    (line,) = _set_up(axes, scene)
-    assert axes.get_xlim() == pytest.approx((-16, 216))
-    assert axes.get_ylim() == pytest.approx((-8, 108))
-    assert axes.get_zlim() == pytest.approx((10 - 5.8, 10 + 5.8))
-    assert (line.get_color(), line.get_linewidth(), line.get_marker()) == ("C3", 1.5, "o")
-    assert (axes.elev, axes.azim) == (elevation, -90)
-    assert axes.get_xlabel() == "x, mm"
-    assert axes.get_zlabel() == ("" if elevation == 90 else "z, mm")
-    assert (len(axes.get_zticks()) == 0) == (elevation == 90)  # from above there is no height to read

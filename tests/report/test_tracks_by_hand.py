@@ -15,7 +15,7 @@ from servogen.job import load, loads, plan_job
 from servogen.job.ends import to_place
 from servogen.kinematics.leg_kinds import LEG_KINDS
 from servogen.pulse import Channel, Pulse, PulseSchedule, Run
-from servogen.report import robot_model, tracks
+from servogen.report import robot_model
 from servogen.report.drawing import PALETTE
 from servogen.report.tracks import (
     EndError,
@@ -92,24 +92,6 @@ def test_points_are_turned_and_moved_to_their_place() -> None:
     assert to_place(place, np.array([[1.0, 0, 0], [0, 1, 5]])) == pytest.approx(
         np.array([[1, 3, 3], [0, 2, 8]])
     )
-
-
-def test_a_base_is_where_its_wheels_take_it_and_a_wheel_without_a_pulse_stands() -> None:
-    """The shift to first order: what the wheels are off, moved along, and the way turned by the heading."""
-    job: Any = plan_job(load(JOBS / "omni-square.toml"))
-    straight = np.linalg.pinv(job.base.body_speed(np.eye(3)).T) @ np.array([0.1, 0.0, 0.0])  # 0.1 m/s forward
-    asked = np.vstack([straight, straight, np.full(3, NAN)])
-    found = tracks._base(job.base, asked, asked, 0.5)
-    assert found.planned == pytest.approx(np.array([[0.05, 0, 0], [0.1, 0, 0], [0.1, 0, 0]]))
-    assert found.made == pytest.approx(found.planned)
-    assert found.shift == pytest.approx(found.planned * 0, abs=1e-12)
-    turn = np.linalg.pinv(job.base.body_speed(np.eye(3)).T) @ np.array([0.0, 0.0, 0.001])  # 0.001 rad/s
-    turned = tracks._base(job.base, asked, asked + turn, 0.5)
-    # Heading in the middle of frames 1 and 2: 0.00025 and 0.00075 rad; each moves 0.05 m.
-    sideways = 0.05 * np.array([0.00025, 0.00025 + 0.00075])
-    assert turned.shift[:2, 1] == pytest.approx(sideways)
-    assert turned.made[:2, 1] == pytest.approx(sideways, rel=1e-3)
-    assert (found.name, found.kind) == ("base", "base")
 
 
 def test_the_corners_of_a_leg_are_those_of_the_drawing() -> None:

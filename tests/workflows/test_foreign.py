@@ -2,7 +2,6 @@
 
 import random
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -20,17 +19,10 @@ from servogen.errors import InputError
 from servogen.job import PlannedJob, load, plan_job
 from servogen.pic.device import device
 from servogen.pic.image import Image, to_hex
-from servogen.workflows import retarget
 from servogen.workflows.engines import PlayedJob, planned
 from servogen.workflows.retarget import (
-    MARGIN,
-    START,
     Added,
-    DelayPath,
-    Overheads,
     Tuned,
-    _compare,
-    _overheads,
     _Write,
     tune_to,
 )
@@ -171,48 +163,6 @@ def test_a_way_whose_statements_take_longer_than_it_may_is_named() -> None:
 
 def writes(*cycles: int) -> list[_Write]:
     return [_Write(cycle, "RB0 high" if number % 2 else "RB0 low") for number, cycle in enumerate(cycles)]
-
-
-def test_what_a_way_costs_is_its_time_less_its_delays(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Delays of 100, 180, 270 and again 180 cycles; servogen's statements add 10, 20 and 30 to them."""
-    first, second = DelayPath("in", 1, 0), DelayPath("again", 1)
-    program = SimpleNamespace(walk=lambda: ((path, None) for path in (START, first, second, first)), moves=())
-    known = Overheads({START: 10, first: 20, second: 30})
-    ours = writes(110, 310, 610, 810)
-    monkeypatch.setattr(retarget, "_ways", lambda program: {START: "a", first: "b", second: "c"})
-
-    def cost(start: int, *costs: int) -> Mapping[DelayPath, int]:
-        seen, now = [], 0
-        for delay, more in zip((100, 180, 270, 180), (start, *costs), strict=True):
-            now += delay + more
-            seen.append(now)
-        return _overheads(cast(Any, program), known, ours, writes(*seen), ("their.hex", "main.c")).cycles
-
-    assert cost(5000, 0, MARGIN, 0) == {START: 5000, first: 0, second: MARGIN}
-    assert cost(-50, MARGIN, 0, MARGIN) == {START: -50, first: MARGIN, second: 0}
-    other = "is not compiled from main.c: {} it takes {} cycles up to cycle {}, where the C's delays are {}"
-    for costs, message in (
-        ((0, -1, 0, -1), other.format("b", 179, 279, 180)),
-        ((0, 0, MARGIN + 1, 0), other.format("c", 270 + MARGIN + 1, 551 + MARGIN, 270)),
-        ((0, 1, 2, 3), "b its statements take 3 cycles up to cycle 736, before that 1"),
-    ):
-        with pytest.raises(InputError) as error:
-            cost(*costs)
-        assert (error.value.message, str(error.value.location)) == (message, "their.hex")
-
-
-def test_a_write_that_differs_is_named_by_its_number_and_so_is_a_missing_one() -> None:
-    wanted = writes(5, 10, 20)
-    _compare(writes(7, 8, 9), wanted, "a.hex", "main.c compiled")
-    _compare(writes(7, 8, 9, 10), wanted, "a.hex", "main.c compiled")
-    for seen, message in (
-        ([*wanted[:2], _Write(30, "RB1 high")], "the port write 3, at cycle 30, makes RB1 high, not RB0 low"),
-        (wanted[:2], "it writes 2 times to its pins, not 3 times"),
-    ):
-        with pytest.raises(InputError) as error:
-            _compare(seen, wanted, "a.hex", "main.c compiled")
-        assert error.value.message == f"is not main.c compiled: {message}"
-        assert str(error.value.location) == "a.hex"
 
 
 def test_a_tuning_as_json_has_the_cycles_of_each_way_and_the_verdict() -> None:

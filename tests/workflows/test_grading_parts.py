@@ -6,7 +6,6 @@ import pickle
 import re
 import subprocess
 from collections.abc import Callable, Sequence
-from concurrent.futures import CancelledError, Future
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -15,13 +14,10 @@ import pytest
 
 from servogen import isolation
 from servogen.edges import PINS
-from servogen.errors import ToolError
-from servogen.grade import Check, ChipFacts, Grade, Submission, load_lab
+from servogen.grade import Check, Grade, Submission, load_lab
 from servogen.isolation import COMPILING, WorkLimits
 from servogen.pic.image import Image
-from servogen.pic.listing import Listing, ListingRow
 from servogen.programs import read_submission
-from servogen.units import Clock
 from servogen.workflows import grading, power_ups
 from servogen.workflows.grading import Graded, GradingTask, grade_in_fresh_process, grade_submissions
 
@@ -94,96 +90,6 @@ def test_a_fresh_process_is_tried_again_for_each_program_if_it_fails(monkeypatch
     monkeypatch.setattr(subprocess, "run", late)
     (slow,) = grade_in_fresh_process([ONE], task)
     assert (slow.grade.reasons, slow.defect) == (("compiling and running it took more than 92 s",), "")
-
-
-@pytest.mark.parametrize(
-    ("error", "text"),
-    [
-        (ValueError("odd"), "its worker ended: ValueError: odd"),
-        (CancelledError(), "the connection to the cluster was lost"),
-        (None, "the cluster no longer has a worker"),
-    ],
-)
-def test_a_batch_that_a_cluster_loses_is_failed_program_by_program(
-    error: Exception | None, text: str
-) -> None:
-    future: Future[list[Graded]] = Future()
-    if isinstance(error, CancelledError):
-        future.cancel()
-    elif error is not None:
-        future.set_exception(error)
-    found = grading._results(future, [ONE, TWO], TASK)
-    assert [each.submission for each in found] == [ONE, TWO]
-    assert all(text in each.defect and not each.grade.passed for each in found)
-    done: Future[list[Graded]] = Future()
-    done.set_result([graded(ONE)])
-    assert grading._results(done, [ONE], TASK) == [graded(ONE)]
-
-
-def test_a_cluster_has_a_worker_or_is_gone() -> None:
-    def lost() -> None:
-        raise OSError
-
-    for info, found in (
-        (lambda: {"workers": {"a": 1}}, True),
-        (lambda: {"workers": {}}, False),
-        (lost, False),
-    ):
-        assert grading._has_worker(SimpleNamespace(scheduler_info=info)) is found
-
-
-def test_dask_that_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    def missing(name: str) -> None:
-        raise ImportError
-
-    monkeypatch.setattr(grading, "import_module", missing)
-    with pytest.raises(ToolError, match="needs Dask") as error, grading._client("tcp://a:1"):
-        pass
-    assert error.value.code == "tool-missing"
-
-
-def test_the_source_of_a_routine_of_the_compiler_is_that_around_its_call() -> None:
-    """Line 3 is at address 0, a routine at 5, whose call at address 1 returns to 2."""
-    rows = (
-        ListingRow(0, 0, "NOP", "1", "/home/a/main.c", 3),
-        ListingRow(1, 0, "CALL 5", "2", "/home/a/main.c", 4),
-        ListingRow(5, 0, "RETURN", "2"),
-        ListingRow(6, 0, "NOP", "1", "lost.c", 1),
-        ListingRow(7, 0, "NOP", "1", "/home/a/main.c", None),
-    )
-    listing = Listing(rows, sources=(("/home/a/main.c", "a\nb\nc\nd\n"),))
-    for pc, returns, line in (
-        (0, (), 3),
-        (1024, (), 3),
-        (5, (2,), 4),
-        (5, (6, 2), 4),
-        (6, (1,), 3),
-        (7, (2,), 4),
-    ):
-        found = grading._source(listing, pc, returns)
-        assert found is not None
-        assert (found.file, found.line) == ("main.c", line)
-    assert grading._source(listing, 5, ()) is None
-    assert grading._source(None, 0, (1,)) is None
-
-
-@pytest.mark.parametrize(("clock", "hz"), [(None, None), (Clock(8_000_000), 8_000_000)])
-def test_facts_of_the_chip_at_the_end_of_the_watch(clock: Clock | None, hz: int | None) -> None:
-    """TRISA = 0x11: RA0 and RA4 are inputs; TRISB = 0x82: RB1 and RB7."""
-    state: Any = SimpleNamespace(
-        registers={"TRISA": 0x11, "TRISB": 0x82},
-        resets={"watchdog": 3},
-        sleeping=True,
-        warnings=[SimpleNamespace(code="other"), SimpleNamespace(code="erased-word")],
-        stack_wraps=2,
-    )
-    program: Any = SimpleNamespace(image=SimpleNamespace(config=None), clock=clock)
-    expected = ChipFacts(frozenset((0, 4, 6, 12)), 3, False, True, True, 2, hz)
-    assert grading._facts(state, program) == expected
-    state.warnings.pop()
-    program.image.config = 0x3FF1
-    facts = grading._facts(state, program)
-    assert (facts.lost, facts.configured) == (False, True)
 
 
 SMALL_LAB = """

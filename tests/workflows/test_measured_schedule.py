@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import product
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -18,7 +16,7 @@ from servogen.pulse import from_json
 from servogen.pulse.schedule import Pulse
 from servogen.simulator import SimulatorOptions
 from servogen.units import Clock, Cycles
-from servogen.workflows.measured_schedule import _repeat, measured_schedule
+from servogen.workflows.measured_schedule import measured_schedule
 from servogen.workflows.signals import unscheduled_edges
 from tests.prove.attack import servogen
 from tests.prove.replay import is_wrong
@@ -90,26 +88,6 @@ def test_pauses_are_frames_without_pulses_and_what_repeats_is_the_loop() -> None
         for part in (found.lead_in, found.loop)
     ]
     assert widths == [[10, 20], [30, None]]
-
-
-def test_the_shortest_beginning_and_loop_explain_all_frames() -> None:
-    """By trying all of them, of all sequences of up to eight frames of two or three kinds."""
-    for kinds, most in ((2, 8), (3, 5)):
-        for length in range(1, most + 1):
-            for frames in product(range(kinds), repeat=length):
-                shown: Any = frames
-                fits = [
-                    (lead + loop, loop)
-                    for loop in range(1, length // 2 + 1)
-                    for lead in range(length - 2 * loop + 1)
-                    if all(frames[n] == frames[n + loop] for n in range(lead, length - loop))
-                ]
-                if not fits:
-                    with pytest.raises(InputError, match=f"nothing repeats in {length} frames"):
-                        _repeat(shown, "edges")
-                    continue
-                whole, loop = min(fits)
-                assert _repeat(shown, "edges") == (frames[: whole - loop], frames[whole - loop : whole])
 
 
 def test_a_pulse_ends_before_the_next_frame_and_what_is_cut_off_is_left_out() -> None:

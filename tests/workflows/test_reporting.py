@@ -73,31 +73,6 @@ def test_of_several_captures_in_a_file_the_longest_is_shown(monkeypatch: pytest.
     assert asked == [500_000]
 
 
-def test_edges_in_cycles_of_a_chip_are_also_compared_cycle_by_cycle(monkeypatch: pytest.MonkeyPatch) -> None:
-    verdict = SimpleNamespace(but=lambda reason: f"but {reason}")
-    exact = SimpleNamespace(agrees=True, reasons=("RB0 rises late", "more"))
-    monkeypatch.setattr(reporting, "judge_capture", lambda schedule, capture: verdict)
-    monkeypatch.setattr(reporting, "read_vcd", lambda path, clock, wires: clock)
-    unseen: list[tuple[str, ...]] = []
-    monkeypatch.setattr(reporting, "hidden_by", lambda path, clock, wires: unseen[-1])
-    monkeypatch.setattr(
-        reporting,
-        "judge_file",
-        lambda schedule, trace, tells_end, hidden: exact if tells_end and hidden == unseen[-1] else None,
-    )
-    schedule: Any = SimpleNamespace(clock=Clock(4_000_000))
-    for of_analyser, agrees, hidden, expected in (
-        (True, False, ("steps",), verdict),
-        (False, True, (), verdict),
-        (False, True, ("steps",), "but RB0 rises late"),
-        (False, False, (), "but RB0 rises late"),
-    ):
-        exact.agrees = agrees
-        unseen.append(hidden)
-        monkeypatch.setattr(reporting, "is_capture", lambda path, found=of_analyser: found)
-        assert reporting._verdict(schedule, CAPTURE, Path("run.vcd"), None) == expected
-
-
 def test_that_the_robot_is_moved_is_said_before_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     """It takes long, and fails without MuJoCo."""
     told: list[str] = []

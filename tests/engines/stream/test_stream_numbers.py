@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from servogen.engines.inputs.serial import Stream
-from servogen.engines.stream.engine import _idle, stream
-from servogen.engines.stream.firmware import TRIMS, timing_budgets
 from servogen.engines.stream.layout import RoundLayout, layout
 from servogen.engines.stream.protocol import (
     CommandKind,
@@ -21,12 +18,9 @@ from servogen.engines.stream.protocol import (
     position_command,
     query_command,
     speed_command,
-    travel,
     trim_command,
 )
-from servogen.engines.stream.rendering import _everybody, _facts, _out
-from servogen.engines.stream.response import Response, _minimum
-from servogen.engines.stream.settings import _latest_sample, _rates, bit_units, first_units
+from servogen.engines.stream.settings import bit_units, first_units
 from servogen.engines.stream.streaming import streaming
 from servogen.errors import InputError
 from servogen.job import load, plan_job
@@ -35,7 +29,6 @@ from servogen.units import Clock, Cycles
 from tests.engines.stream.stream_soak import JOBS
 
 JOB = plan_job(load(JOBS / "stream-arm.toml"))
-ARM = stream(JOB)[1]
 CLOCK = Clock(4_000_000)
 
 
@@ -69,31 +62,6 @@ def test_the_last_numbers_that_a_command_holds_and_the_first_that_it_does_not() 
     for p in (-1, 255):
         assert refusal(partial(widths.width, p)) == ("bad-command", f"{p} is not a position", "0 to 254")
     assert [kind for kind in CommandKind if not kind.of_a_servo] == [CommandKind.GROUP, CommandKind.QUERY]
-
-
-@pytest.mark.parametrize("span", [1, 127, 254, 500, 1000, 4999])
-def test_a_scale_is_256ths_of_a_cycle_for_each_position_rounded(span: int) -> None:
-    widths = WidthRange(Cycles(1000), Cycles(1000 + span))
-    exact = Fraction(256 * span, 254)
-    assert abs(widths.scale - exact) <= Fraction(1, 2)
-    for p in (0, 1, 127, 253, 254):
-        # Half of a 256th more is rounded down.
-        assert widths.width(p) == 1000 + (p * widths.scale + 128) // 256
-
-
-def test_the_nearest_of_two_positions_is_the_smaller() -> None:
-    widths = WidthRange(Cycles(1000), Cycles(1508))
-    assert [widths.width(p) for p in (0, 1, 2)] == [1000, 1002, 1004]
-    assert [widths.nearest(width) for width in (1000.9, 1001, 1001.1, 1003)] == [0, 0, 1, 1]
-
-
-def test_a_travel_is_from_limit_to_limit_in_cycles() -> None:
-    base, shoulder = (travel(servo, CLOCK) for servo in JOB.servos[:2])
-    # futaba-s3001: 1000 to 2000 µs over 180°; 20° and 160° are ninths.
-    assert (base.minimum, base.maximum) == (1000, 2000)
-    assert (shoulder.minimum, shoulder.maximum) == (1111, 1889)
-    fast = travel(JOB.servos[0], Clock(20_000_000))
-    assert (fast.minimum, fast.maximum) == (5000, 10_000)
 
 
 # slots
@@ -139,27 +107,7 @@ def test_pulses_too_short_or_too_long_are_refused_with_their_numbers() -> None:
     assert hint == "use a lower rate, or narrow the servos' limits"
 
 
-@pytest.mark.parametrize(("longest", "rounds"), [(2001, 9), (2257, 10), (2258, 11), (2513, 11), (2514, 12)])
-def test_the_rounds_of_the_longest_pulse(longest: int, rounds: int) -> None:
-    """A fall is at most 80 cycles into the last round but one, with a trim of 127."""
-    needed = max(9, -(-(longest + 127 - 80) // 256) + 1)
-    assert needed == rounds
-    servo = replace(JOB.servos[0], trim_us=float(longest - 2000))
-    text = refusal(lambda: layout((servo,) * 13, JOB.frame, CLOCK, 2400))[1]
-    assert f"take {rounds} rounds of 256" in text
-
-
 # rates
-
-
-@pytest.mark.parametrize(
-    ("baud", "hz", "latest"),
-    [(2400, 4_000_000, 4083), (9600, 16_000_000, 4083), (9600, 20_000_000, 5071)],
-)
-def test_the_stop_bit_is_sampled_when_the_page_says(baud: int, hz: int, latest: int) -> None:
-    """docs/firmware.md, "Supported baud rates"."""
-    bit = Clock(hz).cycles_per_second / baud
-    assert _latest_sample(bit, 9, first_units(bit)) == latest
 
 
 @pytest.mark.parametrize(("baud", "hz", "latest"), [(4800, 4_000_000, 2171), (19_200, 20_000_000, 2651)])
@@ -198,18 +146,6 @@ def test_the_time_of_the_first_sample_is_the_middle_of_what_is_possible() -> Non
     assert possible > 10
 
 
-def test_a_bit_has_223_units_at_most() -> None:
-    """A byte, less the longest time between two samples: 892 cycles (docs/firmware.md)."""
-    # At 4 MHz, 1 000 000 / 892 = 1121.08 and / 894 = 1118.6 baud: 223 and 223.5 units.
-    assert bit_units(Stream(1121), CLOCK) == 223
-    code, message, _ = refusal(lambda: bit_units(Stream(1118), CLOCK))
-    assert (code, message) == (
-        "baud-rate", "1118 baud at 4000000 Hz: a bit is 894.5 cycles, the receiver counts 892 at most"
-    )  # fmt: skip
-    assert _rates(CLOCK) == "at this clock: 1200, 2400 baud"
-    assert _rates(Clock(32_768)) == "no usual rate is possible with this clock: use another one"
-
-
 # a stream's plan
 
 
@@ -231,119 +167,6 @@ def test_silence_is_counted_in_5_to_254_frames() -> None:
         shown = f"{float(frames * frame_s):g}"
         assert (code, message) == ("out-of-range", f"a silence of {shown} s is {frames} frames")
         assert hint == "5 to 254 frames are counted, 0.1 to 5.1 s"
-
-
-def test_the_schedule_is_the_neutral_pose_until_the_fail_safe_has_acted() -> None:
-    to_neutral = planned(silence_s=Fraction(1), soft_start_s=Fraction(2))
-    assert (to_neutral.silence_frames, to_neutral.soft_frames) == (50, 100)
-    schedule = to_neutral.plan.schedule
-    assert (schedule.lead_in_frames, schedule.loop_frames) == (150, 1)
-    pulses = [(pulse.rise, pulse.width) for pulse in schedule.lead_in[0].pulses if pulse]
-    assert pulses == [(0, 1500), (3328, 1500), (6656, 1500)]
-    assert schedule.loop[0].pulses == schedule.lead_in[0].pulses
-    off = planned(fail_safe="off").plan.schedule
-    assert (off.lead_in_frames, off.loop_frames) == (49, 1)
-    assert off.loop[0].pulses == (None, None, None)
-    texts = [warning.message for warning in to_neutral.plan.warnings if warning.code == "period-rounded"]
-    assert texts == ["the frame takes 19968 µs, not 20000: 6 slots of 13 rounds of 256 cycles"]
-
-
-def test_the_motion_without_commands_is_the_neutral_pose_or_none() -> None:
-    motion, streamed = stream(JOB)
-    assert motion.angles.shape == (101, 3) and motion.loop_start == 100
-    assert [round(float(angle), 4) for angle in motion.angles[0]] == [
-        round(servo.neutral, 4) for servo in JOB.servos
-    ]
-    (idle,) = streamed.plan.schedule.inputs
-    assert (idle.pin, idle.level) == ("RA4", 1)
-    off = planned(fail_safe="off").plan.schedule
-    angles = _idle(JOB, off).angles
-    assert angles.shape == (50, 3)
-    assert not (angles[:49] != angles[:49]).any() and (angles[49] != angles[49]).all()
-    code, message, hint = refusal(partial(stream, SimpleNamespace(inputs=(), name="stream-arm")))
-    assert (code, message, hint) == (
-        "missing-key", "stream-arm has no serial line", "add a table [stream]"
-    )  # fmt: skip
-
-
-# tables of the C
-
-
-def with_pins(*pins: str) -> Any:
-    schedule = ARM.plan.schedule
-    channels = tuple(replace(channel, pin=pin) for channel, pin in zip(schedule.channels, pins, strict=True))
-    return replace(ARM, plan=replace(ARM.plan, schedule=replace(schedule, channels=channels)))
-
-
-def test_the_facts_of_servos_are_rows_of_low_and_high_bytes() -> None:
-    one = _facts(with_pins("RB7", "RB3", "RB5"), False)
-    rows = [one[n : n + 3] for n in range(0, len(one), 3)]
-    # Minima, scales and neutral widths: 1000 * 256 / 254 = 1007.9, 778 and 500 times as much.
-    minima, scales, neutral = (1000, 1111, 1250), (1008, 784, 504), (1500, 1500, 1500)
-    assert [travel.scale for travel in ARM.travels] == list(scales)
-    wanted = [
-        [value & 255 for value in row] if low else [value // 256 for value in row]
-        for row in (minima, scales, neutral)
-        for low in (True, False)
-    ]
-    assert rows == [*wanted, [128, 8, 32], [128, 8, 32]]
-    two = _facts(with_pins("RB7", "RA3", "RB5"), True)
-    rows = [two[n : n + 3] for n in range(0, len(two), 3)]
-    assert rows == [*wanted, [1, 2, 4], [128, 8, 32], [6, 5, 6]]
-
-
-def test_all_servos_are_a_mask_of_pins_or_of_numbers() -> None:
-    assert _everybody(["RB7", "RB3", "RB5"], False) == "0xA8"
-    assert _everybody(["RB7", "RA3", "RB5"], True) == "0x07"
-    assert _everybody(["RB0"], False) == "0x01"
-
-
-def test_the_transmit_pin_is_the_only_output_of_its_port() -> None:
-    assert _out(None) is None
-    for pin, tris, idle in (("RA3", "0x17", "0x08"), ("RA0", "0x1E", "0x01"), ("RB7", "0x7F", "0x80")):
-        out = _out(pin)
-        assert out is not None and (out.name, out.tris, out.idle) == (pin[1], tris, idle)
-
-
-# bounds
-
-
-def test_the_bounds_are_asked_for_with_the_travel_and_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked = []
-
-    def response(listing: Any, rounds: int, travel: int, apart: int) -> Response:
-        asked.append((rounds, travel, apart))
-        return Response(Cycles(900), Cycles(100), Cycles(1500), 3, 0)
-
-    monkeypatch.setattr("servogen.engines.stream.firmware.response", response)
-    listing: Any = None
-    first, second = timing_budgets(listing, ARM)
-    # Nine bits of 104 units and 15 to the start bit's sample are a byte; two trims are up to 255 apart.
-    assert asked == [(13, 1256, 3 * 4 * (15 + 9 * 104))] and TRIMS == 256
-    assert (first.between, first.worst, first.room) == ("a request and its slot", 900, 1500)
-    assert (second.between, second.worst, second.left) == ("the same, after a command", 900, 600)
-    monkeypatch.setattr(
-        "servogen.engines.stream.firmware.response", lambda *_: Response(Cycles(900), None, None, 3, 0)
-    )
-    first, second = timing_budgets(listing, ARM)
-    assert (first.worst, first.room, second.worst) == (900, 0, None)
-
-
-def test_a_response_as_json() -> None:
-    assert Response(Cycles(100), Cycles(50), Cycles(124), 3, 0).to_json() == {
-        "prepare_cycles": 100,
-        "execute_cycles": 50,
-        "supply_cycles": 124,
-        "slots_between_commands": 3,
-        "proven": False,
-    }
-    assert Response(Cycles(100), Cycles(50), Cycles(126), 3, 0).proven
-    for none in ((None, 50, 126), (100, None, 126), (100, 50, None)):
-        assert Response(*none, 3, 0).after_command is None  # type: ignore[arg-type]
-
-
-def test_a_minimum_needs_every_bound() -> None:
-    assert _minimum([3, 1, 2]) == 1 and _minimum([3, None, 2]) is None and _minimum([0]) == 0
 
 
 # samples
