@@ -27,7 +27,8 @@ def test_every_notation_of_a_number(asm: Any, text: str, expected: int) -> None:
     ("radix", "text", "expected"),
     [
         ("dec", "10", 10), ("dec", "101b", 5), ("dec", "10d", 10), ("dec", "0x10", 16), ("oct", "17", 15),
-        ("hex", "17", 23),
+        ("hex", "17", 23), ("dec", "0B5h", 0xB5), ("dec", "0b1h", 0xB1), ("dec", "0b", 0),
+        ("dec", "0b101", 5),
     ],
 )  # fmt: skip
 def test_the_default_radix_can_be_chosen(asm: Any, radix: str, text: str, expected: int) -> None:

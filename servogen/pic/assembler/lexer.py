@@ -33,6 +33,8 @@ _STRING = re.compile(r'"((?:\\.|[^"\\])*)(?:"|$)')
 _PREFIXED = re.compile(r"0[xX]([0-9A-Za-z]+)")
 _DECIMAL = re.compile(r"\.([0-9]+)")
 _PLAIN = re.compile(r"[0-9][0-9A-Za-z]*")
+_BINARY = re.compile(r"0[bB][01]+")
+"""As pic-as takes it: MPASM knows no such number. `0B5h` and `0B` are numbers with suffixes to both."""
 _ESCAPE = re.compile(r"\\(x[0-9A-Fa-f]{2}|[0-7]{3}|.)")
 
 QUOTED_RADIX = {"B": 2, "O": 8, "Q": 8, "D": 10, "H": 16}
@@ -107,7 +109,7 @@ def _token(text: Text, index: int, radix: int) -> tuple[Token, int]:
 
 def _plain(word: str, radix: int, column: int) -> int:
     """Return a number with a suffix or in the default radix; in hexadecimal, a last B or D is a digit."""
-    if radix == 10 and word[:2] in ("0b", "0B"):  # as pic-as takes it; MPASM knows no such number
+    if radix == 10 and _BINARY.fullmatch(word):
         return _digits(word[2:], 2, column)
     suffix = word[-1].upper()
     if suffix in SUFFIX_RADIX and len(word) > 1 and not (radix == 16 and suffix in "BD"):
