@@ -97,6 +97,13 @@ def test_an_error_has_its_line_and_column_below_comments_of_c() -> None:
     assert PIC_AS.splitlines()[26] == "        movlw   10"
 
 
+@pytest.mark.parametrize("text", ["/* " * 300_000, '"' + '\\"' * 300_000])
+def test_what_is_never_closed_is_read_once(text: str) -> None:
+    """Reading on to the end from each of its beginnings would take hours."""
+    with pytest.raises(InputError, match="more than 2000 characters"):
+        assemble(f"#include <xc.inc>\n psect code\n nop {text}\n")
+
+
 def test_a_global_name_may_be_defined_in_another_source() -> None:
     head = "#include <xc.inc>\n global step, count\n"
     main = head + " psect reset,class=CODE,delta=2,abs\n call step\n movwf count\n end\n"

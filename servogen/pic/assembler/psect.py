@@ -19,8 +19,9 @@ from servogen.pic.assembler.text import Text
 
 _INCLUDES = re.compile(r"^[ \t]*#?include[ \t]+[<\"]xc\.inc[>\"]", re.IGNORECASE | re.MULTILINE)
 _COMMENT = re.compile(
-    r";[^\n]*|\"(?:\\.|[^\"\\\n])*\"|'(?:\\.|[^'\\\n])'|(?P<comment>/\*.*?\*/|//[^\n]*)", re.DOTALL
+    r";[^\n]*|\"(?:\\[^\n]|[^\"\\\n])*\"?|'(?:\\.|[^'\\\n])'|(?P<comment>/\*.*?\*/|//[^\n]*)|/\*.*", re.DOTALL
 )
+"""What is not closed is matched, too, to its end: nothing is read twice."""
 RADIX = 10
 NOT_SAID = frozenset(("asm-opcode-column", "asm-label-column", "asm-no-end", "asm-bank", "asm-page"))
 """Remarks about what is usual here."""
