@@ -114,6 +114,15 @@ def test_a_global_name_may_be_defined_in_another_source() -> None:
         link([AssemblySource(main.replace("count\n psect", "other\n psect")), AssemblySource(step)])
 
 
+def test_a_section_whose_org_goes_back_keeps_what_is_behind_it() -> None:
+    """Five bytes, then three: of 0x0C to 0x10 the last has a name, and 0x11 is free."""
+    made = assemble(
+        "#include <xc.inc>\n psect udata\n org 4\nlast: ds 1\n org 0\nfirst: ds 1\n"
+        " psect more,class=RAM,space=1\nother: ds 3\n psect code\n nop\n"
+    )
+    assert made.listing.variables == ((0x0C, "first", 1), (0x10, "last", 1), (0x11, "other", 3))
+
+
 @pytest.mark.parametrize(
     ("line", "problem"),
     [
@@ -123,6 +132,7 @@ def test_a_global_name_may_be_defined_in_another_source() -> None:
         ("psect mine,klass=CODE", "did you mean 'class'"),
         ("nop", "no section is open"),
         ("org 4", "stands in no section"),
+        ("idata\n org 4", "ORG stands in IDATA"),
         ("psect code\n org 0x7FFFFFFF", "0 to 8704 words"),
         ("bcf STATUS, RP0", "at most 2"),
     ],

@@ -107,6 +107,9 @@ def _org(state: Pass, statement: Statement) -> None:
     section = state.sections.current
     if section is None:
         raise SourceError("asm-section", "ORG stands in no section", statement.column, "PSECT opens one")
+    if state.is_initial_data:
+        raise SourceError("asm-section", "ORG stands in IDATA", statement.column, "RES places bytes of 0")
+    state.close_section()
     state.location = section.base + counted(state.one(statement), statement)
 
 

@@ -45,6 +45,8 @@ class Section:
     base: int = 0
     used: int = 0
     """The words or bytes up to the current line of the pass."""
+    furthest: int = 0
+    """Those up to the furthest line: ORG of pic-as may go back."""
     data: list[tuple[int, SourceLine]] = field(default_factory=list)
     """The initial bytes of IDATA, each with the line that it is of."""
     copy: Section | None = None
@@ -80,7 +82,7 @@ class Sections:
         """Begin a pass."""
         self.current = None
         for section in self:
-            section.used = 0
+            section.used = section.furthest = 0
             section.data = []
 
     def open(self, name: str, kind: Kind, origin: int | None, place: Location) -> Section:
@@ -100,7 +102,7 @@ class Sections:
     def measured(self) -> None:
         """Take what the sections used in a pass as their sizes."""
         for section in self:
-            section.size = section.used
+            section.size = section.furthest
 
 
 @dataclass(frozen=True, slots=True)

@@ -159,8 +159,10 @@ class Pass:
 
     def close_section(self) -> None:
         """Note how far the current section goes."""
-        if self.sections.current is not None:
-            self.sections.current.used = self.location - self.sections.current.base
+        section = self.sections.current
+        if section is not None:
+            section.used = self.location - section.base
+            section.furthest = max(section.furthest, section.used)
 
     # -- the lines ------------------------------------------------------------------------------------
 
