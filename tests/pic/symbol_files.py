@@ -139,8 +139,8 @@ _count D 0 BANK0 1 bssBANK0 main.o
 """What XC8 writes, for a C program with the words of SOURCE; an address of code is twice that of a word."""
 
 
-def elf_of(image: Image) -> bytes:
-    """An .elf as XC8 has it, with what CMF says and the words."""
+def elf_of(image: Image, version: int = 3, more: bytes = b"") -> bytes:
+    """An .elf as XC8 has it, with what CMF says and the words; its lines in a version of DWARF, then more."""
     words = b"".join(word.to_bytes(2, "little") for word in image.program.values())
     names = b"\0_main\0__end_of_main\0_delay\0__end_of_delay\0_RB0\0_duty\0_count\0"
     where = {"_main": (0, 1), "__end_of_main": (4, 0xFFF1), "_delay": (4, 1), "__end_of_delay": (7, 0xFFF1)}
@@ -155,7 +155,7 @@ def elf_of(image: Image) -> bytes:
         ("bssBANK0", 8, 0x0C, bytes(3)),
         (".strtab", 3, 0, names),
         (".symtab", 2, 0, symbols),
-        (".debug_line", 7, 0, _line_program()),
+        (".debug_line", 7, 0, _line_program(version, more)),
         (".shstrtab", 3, 0, texts),
     ]
     body = b"".join(data for _, kind, _, data in parts if kind != 8)
@@ -173,12 +173,13 @@ def _section_headers(parts: list[tuple[str, int, int, bytes]], texts: bytes) -> 
         at += 0 if kind == 8 else len(data)
 
 
-def _line_program() -> bytes:
+def _line_program(version: int, more: bytes) -> bytes:
     """Lines 12, 13 and 20 at the words 0, 2 and 4: an address, advances of both, and special operations."""
     files = b"\0main.c\0\0\0\0\0"
-    header = bytes([1, 1, 0xF6, 0xF5, 10, 0, 1, 1, 1, 1, 0, 0, 0, 1]) + files
+    operations = [1] if version >= 4 else []  # of a long instruction word
+    header = bytes([1, *operations, 1, 0xF6, 0xF5, 10, 0, 1, 1, 1, 1, 0, 0, 0, 1]) + files
     steps = bytes([0, 3, 2, 0, 0, 3, 11, 1, 3, 1, 2, 2, 1, 3, 7, 2, 2, 1, 2, 3, 0, 1, 1])
-    unit = _fields((3, 2), (len(header), 4)) + header + steps
+    unit = _fields((version, 2), (len(header), 4)) + header + steps + more
     return _fields((len(unit), 4)) + unit
 
 

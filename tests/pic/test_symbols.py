@@ -201,7 +201,10 @@ def test_the_cof_of_gplink_gives_lines_labels_and_bytes_of_ram(tmp_path: Path) -
     assert [Path(name).name for name, _ in program.listing.sources] == ["linked.asm"]
 
 
-@pytest.mark.parametrize(("suffix", "content"), [(".elf", elf_of(image_of())), (".cmf", CMF.encode())])
+@pytest.mark.parametrize(
+    ("suffix", "content"),
+    [(".elf", elf_of(image_of())), (".elf", elf_of(image_of(), version=4)), (".cmf", CMF.encode())],
+)
 def test_the_elf_and_the_cmf_of_xc8_say_what_its_symbols_do(
     tmp_path: Path, suffix: str, content: bytes
 ) -> None:
@@ -213,6 +216,14 @@ def test_the_elf_and_the_cmf_of_xc8_say_what_its_symbols_do(
     assert functions == [("main", 0, 4), ("delay", 4, 7)]
     assert [row.line for row in program.listing.rows] == [12, 12, 13, 13, 20, 20, 20]
     assert {row.file for row in program.listing.rows} == {"main.c"}
+
+
+def test_an_address_of_a_whole_file_is_not_counted_with(tmp_path: Path) -> None:
+    """Each of the steps that follow it would take as long as the file: minutes together."""
+    address = bytes([0, 0x80, 0xB5, 0x18, 2]) + b"\xff" * 399_999
+    program = read(tmp_path, {".elf": elf_of(image_of(), more=address + b"\x5f" * 100_000)})
+    assert program.listing is not None
+    assert [row.line for row in program.listing.rows] == [12, 12, 13, 13, 20, 20, 20]
 
 
 def test_symbols_that_do_not_say_where_all_words_are_are_left_out(tmp_path: Path) -> None:

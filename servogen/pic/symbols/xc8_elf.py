@@ -25,6 +25,8 @@ CONTENTS, SYMBOLS, NO_CONTENTS = 1, 2, 8
 ABSOLUTE = 0xFFF1
 """The section of a symbol that is in none."""
 VERSIONS = range(2, 5)
+ADDRESS_BYTES = 4
+"""More of an address are not read: a number of a whole file would be slow to count with."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,13 +107,16 @@ def _line_programs(raw: _Bytes, found: Xc8Program) -> None:
     while raw.left:
         size = raw.number(4)
         unit = raw.part(size)
-        if unit.number(2) in VERSIONS:
-            _line_program(unit, found)
+        version = unit.number(2)
+        if version in VERSIONS:
+            _line_program(unit, version, found)
 
 
-def _line_program(raw: _Bytes, found: Xc8Program) -> None:
+def _line_program(raw: _Bytes, version: int, found: Xc8Program) -> None:
     program_at = raw.number(4) + raw.position
     step = raw.number(1)
+    if version >= 4:
+        raw.skip(1)  # the operations of a long instruction word
     raw.skip(1)  # whether a row begins a statement at first: each counts
     base, line_range, first_special = raw.signed(1), raw.number(1), raw.number(1)
     operands = [raw.number(1) for _ in range(first_special - 1)]
@@ -142,7 +147,7 @@ def _line_program(raw: _Bytes, found: Xc8Program) -> None:
             if kind == 1:
                 row = _Row()
             elif kind == 2:
-                row.address = extended.number(extended.left)
+                row.address = extended.number(min(extended.left, ADDRESS_BYTES))
         elif code == 1:
             note()
         elif code == 2:
