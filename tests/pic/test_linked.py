@@ -119,6 +119,18 @@ def test_what_cannot_be_linked_is_an_error_at_its_place(sources: tuple[str, ...]
     assert problems(*sources) == said
 
 
+@pytest.mark.parametrize("second", ["D CODE\n", ""])
+def test_of_many_names_that_are_global_wrongly_the_first_hundred_are_said(second: str) -> None:
+    """They are defined in two sources, or in none."""
+    names = [f"a{number}" for number in range(150)]
+    source = "".join(f" global {name}\n" for name in names) + second
+    source += "".join(f"{name} nop\n" for name in names) if second else ""
+    with pytest.raises(InputError) as refused:
+        program(*[source] * (2 if second else 1))
+    said = [each.message.partition("'")[2].partition("'")[0] for each in refused.value.diagnostics]
+    assert said == names[:100]
+
+
 gputils = pytest.mark.skipif(shutil.which("gplink") is None, reason="gputils is not installed")
 
 

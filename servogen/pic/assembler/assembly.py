@@ -7,6 +7,7 @@ Two passes over the same lines: the first determines the addresses of the labels
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -103,9 +104,10 @@ def link(
             module.first_pass(exports, words)
     for module in modules:
         module.second_pass(exports, words)
-    if initial is not None:
-        _put_initial(initial, modules[0].state, words)
-    _report_twins(modules)
+    with suppress(TooManyErrors):
+        if initial is not None:
+            _put_initial(initial, modules[0].state, words)
+        _report_twins(modules)
     _refuse(modules)
     return _assembly(modules, words)
 
@@ -172,7 +174,8 @@ class _Module:
         except (ExitMacro, TooManyErrors):
             pass
         state.close_section()
-        self._export(exports)
+        with suppress(TooManyErrors):
+            self._export(exports)
         if not state.first and not ended and not state.log.errors:
             last = Location(self.source.file, len(self.lines))
             state.log.add(Diagnostic("warning", "asm-no-end", "the source has no END", last))
@@ -199,11 +202,12 @@ def _report_twins(modules: Sequence[_Module]) -> None:
     """Report each name that a source makes global although an earlier one does."""
     seen: set[str] = set()
     for module in modules:
-        own = {name for name in module.state.globals if module.symbols.defined(name)}
-        for name in seen & own:
-            line = module.state.globals[name]
-            module.state.report("error", "asm-duplicate-symbol", f"'{name}' is global in two sources", line)
-        seen |= own
+        own = {name: line for name, line in module.state.globals.items() if module.symbols.defined(name)}
+        for name, line in own.items():
+            if name in seen:
+                text = f"'{name}' is global in two sources"
+                module.state.report("error", "asm-duplicate-symbol", text, line)
+        seen |= own.keys()
 
 
 def _refuse(modules: Sequence[_Module]) -> None:
