@@ -156,3 +156,10 @@ def test_a_section_goes_where_the_command_says(tmp_path: Path) -> None:
     for wrong in ("run=4h", "isr", "isr=4k"):
         done = CliRunner().invoke(app, ["assemble", str(source), "--place", wrong])
         assert isinstance(done.exception, InputError) and wrong.partition("=")[0] in str(done.exception)
+
+
+def test_an_error_is_said_rather_than_that_its_section_is_missing(tmp_path: Path) -> None:
+    source = tmp_path / "it.s"
+    source.write_text("#include <xc.inc>\n psetc go,class=CODE,delta=2\n nop\n")
+    done = CliRunner().invoke(app, ["assemble", str(source), "--place", "go=0"])
+    assert isinstance(done.exception, InputError) and "unknown operation 'psetc'" in str(done.exception)

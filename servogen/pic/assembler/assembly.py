@@ -88,8 +88,6 @@ def link(
     for module in modules:
         module.first_pass(exports, words)
     opened = {section.name for module in modules for section in module.sections}
-    for name in memory.at.keys() - opened:
-        raise InputError("asm-section", f"no source opens section '{name}'", hint=did_you_mean(name, opened))
     initial = None
     if opened:
         # Now it is known that a source has sections: an ORG before the first one is one, too.
@@ -109,6 +107,11 @@ def link(
             _put_initial(initial, modules[0].state, words)
         _report_twins(modules)
     _refuse(modules)
+    for name in memory.at:
+        if name not in opened:
+            raise InputError(
+                "asm-section", f"no source opens section '{name}'", hint=did_you_mean(name, opened)
+            )
     return _assembly(modules, words)
 
 
