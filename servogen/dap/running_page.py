@@ -9,7 +9,7 @@ import json
 import socket
 import threading
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from urllib.parse import urlsplit
 
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
@@ -39,9 +39,11 @@ class RunningPage:
         folder = parts.path.rpartition("/")[0]
         self._open = ExitStack()
         try:
+            line = socket.create_connection((host, port), PATIENCE_S)
+            line.settimeout(None)  # an editor may be silent for longer
             opened = connect(
                 f"ws://{host}:{port}{folder}/dap",
-                sock=socket.create_connection((host, port), PATIENCE_S),
+                sock=line,
                 origin=Origin(f"http://{host}:{port}"),
                 max_size=MAX_BYTES,
             )
@@ -66,7 +68,8 @@ class RunningPage:
         self._open.close()
 
     def _pass_on(self) -> None:
-        for text in self._socket:
-            self._send(json.loads(text))
+        with suppress(ConnectionClosed):  # a server that was killed says no goodbye
+            for text in self._socket:
+                self._send(json.loads(text))
         if self._wanted:
             self._send({"type": "event", "event": "terminated", "body": {}})

@@ -6,6 +6,8 @@ import json
 import queue
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from socket import SHUT_RDWR
+from threading import Thread
 from typing import Any
 
 import pytest
@@ -13,6 +15,7 @@ import pytest
 pytest.importorskip("websockets", reason="the server is of the extra watch")
 
 from websockets.sync.client import ClientConnection
+from websockets.sync.server import ServerConnection, serve
 
 from servogen.dap import DebugSession
 from servogen.dap.running_page import RunningPage
@@ -125,6 +128,20 @@ def test_what_the_page_lets_run_the_editor_can_pause_and_a_closed_server_ends_it
     assert "another editor" in Editor(server.server.url).attached["message"]
     server.stop()
     editor.event("terminated")
+
+
+def test_a_page_whose_server_is_killed_ends_the_session() -> None:
+    def killed(socket: ServerConnection) -> None:
+        socket.recv()
+        socket.socket.shutdown(SHUT_RDWR)
+
+    with serve(killed, "127.0.0.1", 0) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        ended: queue.Queue[dict[str, Any]] = queue.Queue()
+        page = RunningPage(f"http://127.0.0.1:{server.socket.getsockname()[1]}/token/", ended.put)
+        assert page.send({})
+        assert ended.get(timeout=30)["event"] == "terminated"
+        assert not page.send({})
 
 
 def test_nobody_attaches_without_the_address_that_the_person_was_given(
