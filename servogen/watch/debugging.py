@@ -52,11 +52,13 @@ class Debugging:
         if session is None or session.chip is None:
             editor.handle(request)
             return None
-        if not editor.goes_back:
+        on_the_way = session.on_the_way
+        if on_the_way:
             session.arrive()
         before = session.now, session.running, session.chip.machine.state(), session.chip.inputs
         editor.handle(request)
-        if before == (session.now, editor.running, session.chip.machine.state(), session.chip.inputs):
+        after = session.now, editor.running, session.chip.machine.state(), session.chip.inputs
+        if before == after and not on_the_way:
             return None
         return session.moved(running=editor.running)
 

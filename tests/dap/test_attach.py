@@ -19,6 +19,8 @@ from websockets.sync.server import ServerConnection, serve
 
 from servogen.dap import DebugSession
 from servogen.dap.running_page import RunningPage
+from servogen.watch.debugging import Debugging
+from servogen.watch.session import WatchSession
 from servogen.watch.subject import Setting, load_subject
 from tests.watch.serving import Running
 
@@ -128,6 +130,17 @@ def test_what_the_page_lets_run_the_editor_can_pause_and_a_closed_server_ends_it
     assert "another editor" in Editor(server.server.url).attached["message"]
     server.stop()
     editor.event("terminated")
+
+
+def test_a_way_of_the_page_that_an_editor_ends_is_shown_where_it_ended(tmp_path: Path) -> None:
+    (tmp_path / "main.asm").write_text(SOURCE)
+    session = WatchSession(load_subject(tmp_path / "main.asm", Setting(), lambda text: None))
+    assert [each["is"] for each in session.handle({"do": "seek", "cycle": 10**15})] == ["going"]
+    debugging = Debugging(session, lambda message: None)
+    asked = {"command": "evaluate", "arguments": {"expression": "turns"}}
+    shown = debugging.handle(asked)
+    assert shown is not None and (shown["is"], shown["cycle"]) == ("now", session.now)
+    assert debugging.handle(asked) is None, "nothing is another than before"
 
 
 def test_a_page_whose_server_is_killed_ends_the_session() -> None:
