@@ -50,12 +50,6 @@ class LeftEEPROM(RunningEEPROM):
     def left(self, left: tuple[bool, bool, bool, int, int]) -> None:
         self._known, self._addressed, self._steady, self._seen, self._lows = left
 
-    @property
-    def next_address(self) -> int:
-        """Return the address of the next byte if one is read next, else -1."""
-        between = self._phase is Phase.READING and not self._bits and not self._levels & SCL
-        return (self._pointer - 1) % self.size if between else -1
-
     def saw(self, level: int) -> bool:
         """Take the level of SDA that the chip reads; return whether an EEPROM may give it."""
         if not (self._steady and self._levels & SCL):
@@ -67,18 +61,20 @@ class LeftEEPROM(RunningEEPROM):
         return possible
 
     def react(self, cycle: int, levels: int) -> int:
-        """Take the levels of the lines, above them those that the chip drives to an unknown one; return the
-        lines pulled low, and above them those whose level is known.
+        """Take the levels of the lines, above them those that the chip drives, or drove until now, to an
+        unknown one; return the lines pulled low, and above them those whose level is known.
         """
-        if levels >> 2:
-            self._forget()
-        levels &= SCL | SDA
-        if levels ^ self._levels == SCL | SDA and not levels & SCL:
-            self._forget()  # which of both changes it sees first is not certain
-        if (levels ^ self._levels) & SCL:
+        doubt, levels = levels >> 2, levels & (SCL | SDA)
+        changed = levels & ~self._pulls ^ self._levels
+        if changed & SCL:
             if not levels & SCL and self._seen != 0:
                 self._lows = 0
             self._seen, self._steady = -1, bool(levels & SCL)
+        if changed == SCL | SDA:
+            self._forget()  # which of both changes it sees first is not certain
+        if doubt:
+            self._forget()
+            self._scl_at = self._sda_at = cycle  # the latest cycle in which they may have changed
         super().react(cycle, levels & ~self._pulls)
         if not levels & SDA:
             self._lows = 0
@@ -95,8 +91,13 @@ class LeftEEPROM(RunningEEPROM):
         # A device lets SDA rise and fall while SCL is low only: the chip has made this start.
         self._known = self._known or self._seen == 1
         # What becomes of the address counter within a byte the data sheet does not say.
-        self._addressed = self._addressed and self._phase is Phase.WRITING
+        self._addressed = self._addressed and self._phase is Phase.WRITING and self._bits == 1
         super()._started(cycle)
+
+    def _give(self) -> None:
+        if self._bits == 0 and self._pointer >= len(self._device.content):
+            self._forget()  # only the bytes of the tape are known
+        super()._give()
 
     def _remark(self, cycle: int, limit: Limit, cycles: int) -> None:
         self._forget()
@@ -137,21 +138,14 @@ class TapeBeside:
             self._states.append(state)
         return number
 
-    def address_of(self, number: int) -> int:
-        """Return the address of the next byte in a state between two bytes that are read, with SCL low; -1 in
-        others.
-        """
-        self.load(number, 0)
-        return self._eeprom.next_address
-
     def saw(self, pins: int, levels: int) -> bool:
         """Take the levels of pins that the chip reads; return whether they may be such."""
         return not pins >> self._sda & 1 or self._eeprom.saw(levels >> self._sda & 1)
 
     def _react(self, cycle: int, pins: int) -> int:
+        doubt = (self._told | pins) >> len(PINS)
         self._told = pins
         lines = pins >> self._scl & 1 | (pins >> self._sda & 1) << 1
-        doubt = pins >> len(PINS)
         lines |= (doubt >> self._scl & 1) << 2 | (doubt >> self._sda & 1) << 3
         answer = self._eeprom.react(cycle - self._now, lines)
         self._answer = (answer >> 1 & 1) << self._sda | (answer >> 3 & 1) << self._sda + len(PINS)

@@ -8,12 +8,15 @@ from functools import cache
 import pytest
 
 from servogen.cli.schedule_proof import judged_pins
+from servogen.edges import PINS
 from servogen.engines.tape.content import sum_of
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
 from servogen.prove import Proof, prove_for_all, tape
-from servogen.prove.tape import LeftEEPROM
+from servogen.prove.tape import LeftEEPROM, TapeBeside
 from servogen.pulse import PulseSchedule
+from servogen.pulse.schedule import TapeRule
+from servogen.simulator.devices import React
 from servogen.units import Clock
 from servogen.workflows.certificates import second_witness
 from tests.engines.tape.tape_jobs import made, with_content
@@ -81,8 +84,8 @@ def test_an_eeprom_that_holds_sda_for_a_clock_longer_is_not_covered(monkeypatch:
 # The EEPROM
 
 
-def left() -> LeftEEPROM:
-    eeprom = LeftEEPROM(b"\xa5", "24LC256", Clock(4_000_000))
+def left(content: bytes = b"\xa5") -> LeftEEPROM:
+    eeprom = LeftEEPROM(content, "24LC256", Clock(4_000_000))
     for cycle, levels in ((10, SDA), (20, SCL | SDA)):
         assert eeprom.react(cycle, levels) == 0
     return eeprom
@@ -113,6 +116,57 @@ def test_what_is_read_without_an_address_is_not_known() -> None:
     eeprom.saw(1)
     eeprom.react(30, SCL)
     assert clocked(eeprom, 40, "10100001" + "1" + "1111")[8:] == [0] * 5
+
+
+def addressed_and_read(content: bytes, between: str) -> list[int]:
+    """The answers to a read at address 0, which follows the address and some bits more."""
+    eeprom = left(content)
+    eeprom.saw(1)
+    eeprom.react(30, SCL)
+    bits = "101000001" + 2 * "000000001" + between
+    clocked(eeprom, 40, bits)
+    after = 40 + 20 * len(bits)
+    for cycle, levels in ((after, SDA), (after + 10, SCL | SDA), (after + 20, SCL)):
+        eeprom.react(cycle, levels)
+    return clocked(eeprom, after + 30, "101000011" + "111111110" + "1")
+
+
+def test_behind_the_bytes_of_the_tape_nothing_is_known() -> None:
+    given = [0 if bit == "1" else SDA for bit in f"{0xA5:08b}"]
+    known = [each | SDA << 2 for each in [*given, 0]]
+    assert addressed_and_read(b"\xa5\x00", "")[9:] == [*known, SDA | SDA << 2]
+    assert addressed_and_read(b"\xa5", "")[9:] == [*known, 0]
+
+
+def test_a_start_within_a_byte_leaves_no_address() -> None:
+    assert addressed_and_read(b"\xa5\x00", "111")[9:] == [0] * 10
+
+
+def test_sda_that_falls_as_scl_rises_may_be_a_start() -> None:
+    for before in (True, False):
+        eeprom = left()
+        eeprom.saw(1)
+        answers = [
+            eeprom.react(*each) for each in ((30, SCL), (40, 0), (50, SCL), (60, SCL | SDA), (70, SDA))
+        ]
+        assert answers == [SDA << 2, 0, SDA << 2, SDA << 2, 0]  # a start and a stop
+        if before:
+            eeprom.react(75, 0)
+        assert eeprom.react(80, SCL) == (SDA << 2 if before else 0)
+
+
+def test_a_start_is_not_certain_while_the_level_of_scl_was_not() -> None:
+    scl, sda = 1 << PINS.index("RA3"), 1 << PINS.index("RA4")
+    for doubt in (0, scl << len(PINS)):
+        beside = TapeBeside(TapeRule("RA3", "RA4", "24LC256", b"\xa5"), Clock(4_000_000))
+        told = React(beside.address)
+        told(10, sda | doubt)
+        told(30, sda)
+        told(31, scl | sda)
+        assert beside.saw(sda, sda)
+        told(40, scl)
+        told(50, 0)
+        assert told(60, scl) == (0 if doubt else sda << len(PINS))
 
 
 def test_it_holds_sda_for_nine_clocks_at_most() -> None:
