@@ -261,7 +261,7 @@ def walk(
         return _timed(plan, gait, segments, others, count, lost, float(clock.seconds(period)), each)
 
     if frames_per_cycle is None:
-        made = _shortest(gait, timed, minimum)
+        made = _shortest(gait, timed, minimum, joints)
     else:
         made = timed(_whole(gait, frames_per_cycle))
     plan, count, frames, loop_start = made.plan, made.count, made.frames, made.loop_start
@@ -351,9 +351,11 @@ def _timed(
     return _Timed(count, plan, begins, frames, angles, loop_start, tight)
 
 
-def _shortest(gait: Gait, timed: Callable[[int], _Timed], minimum: int) -> _Timed:
+def _shortest(
+    gait: Gait, timed: Callable[[int], _Timed], minimum: int, joints: Mapping[str, Joint]
+) -> _Timed:
     """Return the walk in the fewest frames of a cycle that keep the limits. Raises InputError for more than a
-    minute.
+    minute, or for angles that no slower walk mends.
     """
     grain, failed = _whole(gait, 1), 0
     made = timed(_whole(gait, minimum))
@@ -362,6 +364,7 @@ def _shortest(gait: Gait, timed: Callable[[int], _Timed], minimum: int) -> _Time
         # A slower walk may need less than the factor says, so it is at most doubled each time.
         count = _whole(gait, max(failed + 1, math.ceil(failed * min(made.tight.factor, 2.0))))
         if count > MAX_FRAMES_PER_CYCLE:
+            _check_limits(joints, made.angles)
             raise InputError(
                 "cycle-time",
                 "the limits of the servos require a cycle of more than a minute",
