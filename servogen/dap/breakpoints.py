@@ -10,7 +10,7 @@ from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from servogen.debug.breakpoints import AtAddress, AtCondition, Breakpoint, parse_breakpoint, run_to
+from servogen.debug.breakpoints import AtCondition, Breakpoint, parse_breakpoint, run_to
 from servogen.debug.symbols import variable
 from servogen.debug.time_machine import TimeMachine
 from servogen.edges import PINS, EdgeChunk
@@ -128,15 +128,6 @@ def going_back(chip: TimeMachine, every: Sequence[Armed]) -> Generator[None, Non
 def _met(
     chip: TimeMachine, end: int, every: Sequence[Armed], produced: list[EdgeChunk] | None = None
 ) -> list[Armed]:
-    """Run to the first breakpoint, or to `end`; return all that are there and whose conditions hold."""
-    hit = run_to(chip, end, [each.breakpoint for each in every], chip.machine.image, produced)
-    here = chip.machine.pc if isinstance(hit, AtAddress) else None
-    return [
-        each
-        for each in every
-        if (
-            each.breakpoint is hit
-            or (isinstance(each.breakpoint, AtAddress) and here in each.breakpoint.addresses)
-        )
-        and each.holds(chip)
-    ]
+    """Run to the first breakpoint, or to `end`; return those there whose conditions hold."""
+    there = run_to(chip, end, [each.breakpoint for each in every], chip.machine.image, produced)
+    return [each for each in every if each.breakpoint in there and each.holds(chip)]

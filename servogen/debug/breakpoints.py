@@ -23,7 +23,7 @@ import numpy.typing as npt
 
 from servogen.debug.symbols import Variable, routine, variable
 from servogen.debug.time_machine import TimeMachine
-from servogen.edges import HIGH, LOW, PINS, EdgeChunk, join
+from servogen.edges import HIGH, LOW, PINS, EdgeChunk, join, part
 from servogen.errors import InputError, did_you_mean
 from servogen.pic.device import PROGRAM_WORDS
 from servogen.pic.image import Image
@@ -100,8 +100,6 @@ _EDGE = re.compile(r"(?P<pin>R[AB]\d)(?:\s+(?P<way>rise|fall|changes))?", re.IGN
 _CONDITION = re.compile(
     r"(?P<name>[A-Za-z_][\w.]{0,60}|0x[0-9A-Fa-f]{1,2})\s*(?P<comparison>==|!=|<=|>=|<|>)\s*(?P<value>0x[0-9A-Fa-f]{1,8}|\d{1,9})"
 )
-
-
 _CHANGE = re.compile(r"(?P<name>[A-Za-z_][\w.]{0,60}|0x[0-9A-Fa-f]{1,2})\s+changes")
 
 
@@ -159,13 +157,13 @@ def run_to(
     breakpoints: Sequence[Breakpoint],
     image: Image,
     produced: list[EdgeChunk] | None = None,
-) -> Breakpoint | None:
-    """Run to the first moment that is not before `end`, or to a breakpoint, which is returned.
+) -> list[Breakpoint]:
+    """Run to the first moment that is not before `end`, or to a breakpoint; return all that stop there.
 
     The edges are appended to `produced`.
     """
     addresses = {
-        address: breakpoint
+        address
         for breakpoint in breakpoints
         if isinstance(breakpoint, AtAddress)
         for address in breakpoint.addresses
@@ -182,6 +180,18 @@ def run_to(
             )
         return marked
 
+    def met(made: EdgeChunk, changed: Sequence[Breakpoint] = ()) -> list[Breakpoint]:
+        """Return what stops after an instruction: the wanted edges of `made` are its own."""
+        here = None if machine.machine.asleep else machine.machine.pc
+        last = [(pin, level) for _, pin, level in zip(*part(made, wanted(made)), strict=True)]
+        return [
+            each
+            for each in breakpoints
+            if each in changed
+            or (isinstance(each, AtAddress) and here in each.addresses)
+            or (isinstance(each, AtEdge) and any(_is_edge(each, *edge) for edge in last))
+        ]
+
     while machine.now < end:
         # A condition can only become true, and a value only change, where something that it reads is written:
         # those instructions are executed one by one, all others at full speed.
@@ -190,26 +200,24 @@ def run_to(
             chunk = _step(machine)
             if produced is not None:
                 produced.append(chunk)
-            if chunk.pin[wanted(chunk)].size:
-                pin, level = (int(column[wanted(chunk)][0]) for column in chunk[1:])
-                return next(breakpoint for breakpoint in edges if _is_edge(breakpoint, pin, level))
-            for each, before in zip(conditions, values, strict=True):
-                if each.stops(before, each.variable.number(machine.machine.ram)):
-                    return each
-            if machine.machine.pc in addresses:
-                return addresses[machine.machine.pc]
+            changed = [
+                each
+                for each, before in zip(conditions, values, strict=True)
+                if each.stops(before, each.variable.number(machine.machine.ram))
+            ]
+            if found := met(chunk, changed):
+                return found
         if machine.now >= end:
-            return None
-        stop = machine.run(
-            end, stops={*addresses, *writers}, wanted=wanted if edges else None, edges=produced
-        )
+            return []
+        chunks: list[EdgeChunk] = []
+        stop = machine.run(end, stops={*addresses, *writers}, wanted=wanted if edges else None, edges=chunks)
+        if produced is not None:
+            produced += chunks
         if stop is None:
-            return None
-        if stop.edge is not None:
-            return next(breakpoint for breakpoint in edges if _is_edge(breakpoint, *stop.edge))
-        if machine.machine.pc in addresses:
-            return addresses[machine.machine.pc]
-    return None
+            return []
+        if found := met(join(chunks[-1:])):
+            return found
+    return []
 
 
 def first_stop(breakpoints: Sequence[Breakpoint], chunk: EdgeChunk) -> tuple[int, Breakpoint] | None:

@@ -451,11 +451,10 @@ class Chip(Signals):
             watched: list[Breakpoint] = [AtEdge("", pin, None) for pin in sorted(self._wiring.connected)]
             if watched:
                 watched.append(self._pull_ups_change)
-            chunks: list[EdgeChunk] = []
             goal = min(end, self._due[0][0]) if self._due else end
-            hit = run_to(chip, goal, [*stops, *watched], image, chunks)
+            met = run_to(chip, goal, [*stops, *watched], image)
             self._settle()
-            if hit is not None and (stop := _among(stops, hit, join(chunks))):
+            if stop := next((stop for stop in stops if stop in met), None):
                 return stop
 
     def _changed(self, pin: int) -> bool:
@@ -711,23 +710,3 @@ def checked_level(pin: str, level: int) -> int:
     if level not in (LOW, HIGH):
         raise InputError("out-of-range", f"a level of {pin} is 0 or 1, not {level!r}")
     return level
-
-
-def _among(stops: Sequence[Breakpoint], hit: Breakpoint, made: EdgeChunk) -> Breakpoint | None:
-    """Return `hit` if it is one of `stops`, else the one that an edge of the same instruction is."""
-    if any(hit is stop for stop in stops):
-        return hit
-    last = {(pin, level) for cycle, pin, level in _rows(made) if cycle == made.cycle[-1]}
-    edges = (stop for stop in stops if isinstance(stop, AtEdge))
-    return next(
-        (
-            stop
-            for stop in edges
-            if any(pin == stop.pin and stop.level in (None, level) for pin, level in last)
-        ),
-        None,
-    )
-
-
-def _rows(edges: EdgeChunk) -> Iterable[tuple[int, int, int]]:
-    return zip(*(column.tolist() for column in edges), strict=True)

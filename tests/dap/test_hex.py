@@ -113,3 +113,19 @@ def test_a_way_back_is_left_where_it_began(tmp_path: Path) -> None:
     while session.running:
         session.run_on()
     assert sent[-1]["body"]["text"] == "power-up"
+
+
+def test_a_breakpoint_that_does_not_stop_hides_none_that_does(tmp_path: Path) -> None:
+    """Both are after `incf duty`: a message at the change, and the address that is next."""
+    session, sent = session_of(tmp_path, SYMBOLS)
+    given = [{"name": "duty changes", "logMessage": "{duty}"}, {"name": "duty > 7"}]
+    ask(session, "setFunctionBreakpoints", breakpoints=given)
+    ask(session, "continue", threadId=1)
+    session.run_on()
+    assert [each["body"].get("output") for each in sent if each.get("event") == "output"] == ["7\n", "8\n"]
+    assert sent[-1]["body"]["text"] == "duty > 7"
+    ask(session, "restart")
+    ask(session, "setFunctionBreakpoints", breakpoints=[{**given[0], "logMessage": "x"}, {"name": "0x003"}])
+    ask(session, "continue", threadId=1)
+    session.run_on()
+    assert sent[-1]["body"]["text"] == "0x003"

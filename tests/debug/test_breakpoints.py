@@ -45,7 +45,7 @@ def n_of(chip: TimeMachine) -> int:
 
 def run(chip: TimeMachine, *texts: str) -> str | None:
     found = run_to(chip, 1_000_000, [parse_breakpoint(text, DONE.listing) for text in texts], DONE.image)
-    return None if found is None else found.text
+    return found[0].text if found else None
 
 
 def test_a_line_stops_before_its_first_instruction_each_time() -> None:
@@ -63,6 +63,19 @@ def test_a_change_stops_behind_each_instruction_that_makes_one_and_no_other() ->
         assert run(chip, "n changes") == "n changes"
         assert n_of(chip) == turn, "the n = 0 of a byte that is 0 is no change"
         assert run(chip, "RB0 changes") == "RB0 changes"
+
+
+def test_all_that_stop_at_one_moment_are_told() -> None:
+    """PORTB = n makes n's edges in one instruction; n = n + 1 changes n and makes a comparison true."""
+    for texts in (
+        ("n changes", "n == 3"),
+        ("RB0 fall", "RB1 rise"),
+        ("RB2 rise", "RB1 fall", "RB0 fall"),
+        ("n == 1", "line 12"),
+    ):
+        chip, every = machine(), [parse_breakpoint(text, DONE.listing) for text in texts]
+        while (found := run_to(chip, 1_000_000, every, DONE.image)) != every:
+            assert found, texts
 
 
 def test_an_edge_stops_behind_the_instruction_that_makes_it() -> None:
@@ -97,7 +110,7 @@ def test_a_condition_comes_true_by_the_second_of_two_writes_in_a_row() -> None:
     for value, cycle in ((0x0105, 4), (0x0101, 5)):
         chip = TimeMachine(made, Clock(4_000_000))
         condition = AtCondition("word", Variable(0x20, 2), "==", value)
-        assert run_to(chip, 100, [condition], made) == condition
+        assert run_to(chip, 100, [condition], made) == [condition]
         assert chip.now == cycle
 
 
@@ -112,7 +125,7 @@ def test_an_edge_that_a_write_through_fsr_makes_is_kept_and_stops_too() -> None:
         chip = TimeMachine(made, Clock(4_000_000))
         edges: list[EdgeChunk] = []
         found = run_to(chip, 100, stops, made, edges)
-        assert found == (None if len(stops) == 1 else stops[1])
+        assert found == stops[1:]
         assert [tuple(row) for row in zip(*join(edges), strict=True)][-kept:] == [(5, 6, 1), (5, 7, 1)]
 
 
