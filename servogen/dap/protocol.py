@@ -42,7 +42,7 @@ def read_message(stream: IO[bytes]) -> Message | None:
         return None
     try:
         message = json.loads(body)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ProtocolError(f"a message is not JSON: {error}") from None
     if not isinstance(message, dict):
         raise ProtocolError("a message is not an object")

@@ -34,6 +34,8 @@ SLICE_S = 0.2
 NOTHING_YET = "nothing is debugged yet: the first request is 'launch' or 'attach'"
 MAX_STEPS = 2_000
 """The lines that "step over" and "step out" run through before they stop in the middle."""
+MAX_INSTRUCTIONS = 4 * PROGRAM_WORDS
+"""The instructions of one answer, with those before and behind the program that an editor asks for, too."""
 PINS_OF, REGISTERS, VARIABLES, EEPROM = 1, 2, 3, 4
 """References of the scopes."""
 ACTIONS = (
@@ -200,7 +202,7 @@ class DebugSession:
             if command in ACTIONS:
                 self.stay()
             body = self._requests[command](given if isinstance(given, dict) else {})
-        except (ServogenError, LookupError, TypeError, ValueError) as error:
+        except (ServogenError, ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
             text = _told(error) if isinstance(error, ServogenError) else f"a wrong argument: {error!r}"
             answer |= {"success": False, "message": text, "body": _error(text)}
         else:
@@ -276,10 +278,11 @@ class DebugSession:
     def _attach(self, given: Body) -> None:
         """Debug the chip of a running page, here if it is, or where it is."""
         _check_keys("attach", given, ATTACH_KEYS)
-        if self._chip is None and self._connect is None:
+        if self._chip is not None:
+            return
+        if self._connect is None:
             raise InputError("not-allowed", "there is no running program to attach to")
-        if self._chip is None and self._connect is not None:
-            self._elsewhere = self._connect(str(given.get("url", "")), self._send)
+        self._elsewhere = self._connect(str(given.get("url", "")), self._send)
 
     def _power_up(self) -> None:
         loaded = self._need_loaded()
@@ -494,8 +497,13 @@ class DebugSession:
     def _disassemble(self, given: Body) -> Body:
         image = self._need_loaded().program.image
         begin = int(given["memoryReference"], 16) + int(given.get("instructionOffset") or 0)
+        count = int(given["instructionCount"])
+        if count > MAX_INSTRUCTIONS:
+            raise InputError(
+                "out-of-range", f"{count} instructions: up to {MAX_INSTRUCTIONS} are shown at a time"
+            )
         rows = []
-        for address in range(begin, begin + int(given["instructionCount"])):
+        for address in range(begin, begin + count):
             word = image.program.get(address, 0x3FFF)
             row: Body = {
                 "address": f"0x{address:03X}" if address >= 0 else "0x000",
@@ -622,16 +630,12 @@ class DebugSession:
 
     def _need_chip(self) -> TimeMachine:
         if self._chip is None:
-            raise InputError(
-                "missing-option", "nothing is debugged yet: the first request is 'launch' or 'attach'"
-            )
+            raise InputError("missing-option", NOTHING_YET)
         return self._chip
 
     def _need_loaded(self) -> Loaded:
         if self._loaded is None:
-            raise InputError(
-                "missing-option", "nothing is debugged yet: the first request is 'launch' or 'attach'"
-            )
+            raise InputError("missing-option", NOTHING_YET)
         return self._loaded
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -194,6 +195,8 @@ def answers(*requests: dict[str, object]) -> list[dict[str, Any]]:
         ({"command": "launch", "arguments": {"program": "x.c", "stimuls": "y"}}, "unknown key 'stimuls'"),
         ({"command": "launch", "arguments": []}, "'program' is not the path"),
         ({"command": "disassemble", "arguments": {"memoryReference": "0x0"}}, "the first request is"),
+        ({"command": "setBreakpoints", "arguments": {"source": "main.c"}}, "a wrong argument"),
+        ({"command": "variables", "arguments": {"variablesReference": math.inf}}, "a wrong argument"),
     ],
 )
 def test_what_is_wrong_is_an_answer(request_of: dict[str, object], message: str) -> None:
@@ -209,6 +212,7 @@ def test_what_is_wrong_is_an_answer(request_of: dict[str, object], message: str)
         (b"Host: x\r\n\r\n{}", "no Content-Length"),
         (b"Content-Length: 2\r\n\r\n{x", "not JSON"),
         (b"Content-Length: 2\r\n\r\n[]", "not an object"),
+        (b"Content-Length: 200000\r\n\r\n" + b"[" * 200_000, "not JSON"),
     ],
 )
 def test_what_is_not_a_message_is_named(raw: bytes, message: str) -> None:

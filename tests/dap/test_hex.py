@@ -72,6 +72,12 @@ def test_without_lines_a_step_is_one_instruction(tmp_path: Path) -> None:
     assert "cycle 1," in top(session, sent)["name"]
 
 
+def test_the_instructions_of_one_answer_are_bounded(tmp_path: Path) -> None:
+    session, sent = session_of(tmp_path, SYMBOLS)
+    ask(session, "disassemble", memoryReference="0x000", instructionCount=10**12)
+    assert not sent[-1]["success"] and "up to 4096" in sent[-1]["message"]
+
+
 def test_names_of_another_program_are_reported_to_the_editor(tmp_path: Path) -> None:
     _, sent = session_of(tmp_path, SYMBOLS.replace("maintext 0 7", "maintext 0 9"))
     (output,) = (message["body"]["output"] for message in sent if message.get("event") == "output")
