@@ -102,9 +102,9 @@ def _for_travel(text: str, model: ServoModel) -> str:
     if model.continuous:
         return text
     low, high = (math.degrees(end) for end in model.travel)
-    middle = (low + high) / 2
-    if middle == USUAL_DEG / 2:
+    if (low, high) == (0, USUAL_DEG):
         return text
+    middle = (low + high) / 2
     text = LEG_JOINT.sub(rf"\1\nzero_deg = {middle:g} # the middle of its travel", text)
     text = ZERO.sub(rf"\g<1>{middle:g}", text)
     return ANGLE.sub(lambda end: f"{end[1]}{round(low + int(end[2]) * (high - low) / USUAL_DEG)}", text)

@@ -165,6 +165,13 @@ def test_a_servo_file_is_found_from_the_job(run: Run) -> None:
     assert run("check", "jobs/serial.toml").code == 0
 
 
+def test_the_angles_are_shares_of_a_travel_whose_middle_is_the_usual_one(run: Run) -> None:
+    Path("narrow.toml").write_text(NARROW, "utf-8")
+    assert run("new", "my.toml", "--servo", "narrow.toml").code == 0
+    poses = tomllib.loads(Path("my.toml").read_text("utf-8"))["motion"]["poses"]
+    assert [pose["arm_deg"] for pose in poses] == [70, 90, 110]
+
+
 def test_a_file_is_overwritten_only_by_force(run: Run) -> None:
     Path("my.toml").write_text("mine", "utf-8")
     assert run("new", "my.toml", "--robot", "leg").code == 2
