@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 from itertools import groupby
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,17 +29,6 @@ class Said(NamedTuple):
     text: str
 
 
-class Listener(Protocol):
-    def restart(self, now: int, levels: Sequence[int]) -> None:
-        """Begin anew at a moment, before which the pins had these levels."""
-
-    def add(self, edges: EdgeChunk, now: int) -> None:
-        """Take the edges up to `now`."""
-
-    def taken(self) -> list[Said]:
-        """Return what was said since the last time."""
-
-
 class SerialListener:
     """Decodes one pin at one baud rate: a line that idles high, a start bit, eight bits (the lowest first), a
     stop bit; a byte without its stop bit is none.
@@ -49,19 +38,20 @@ class SerialListener:
         self.pin, self.pins, self.baud = pin, (pin,), baud
         self._bit = clock.cycles_per_second / baud
         self._said: list[Said] = []
-        self.restart(0, ())
+        self.restart(())
 
     @property
     def model(self) -> dict[str, object]:
         return {"pin": PINS[self.pin], "baud": int(self.baud)}
 
-    def restart(self, now: int, levels: Sequence[int]) -> None:
+    def restart(self, levels: Sequence[int]) -> None:
+        """Begin anew at a moment before which the pins had these levels."""
         self._level = levels[self.pin] if levels else LOW
         self._start: Fraction | None = None
         self._value = self._taken = 0
-        self._now = now
 
     def add(self, edges: EdgeChunk, now: int) -> None:
+        """Take the edges up to `now`."""
         mine = np.flatnonzero(edges.pin == self.pin)
         for cycle, level in zip(edges.cycle[mine].tolist(), edges.level[mine].tolist(), strict=True):
             self._sample(cycle)
@@ -119,12 +109,14 @@ class BusListener:
         self._begin: int | None = None
         """The beginning of the current byte; None: it was not seen."""
         self._said: list[Said] = []
-        self.restart(0, ())
+        self.restart(())
 
-    def restart(self, now: int, levels: Sequence[int]) -> None:
+    def restart(self, levels: Sequence[int]) -> None:
+        """Begin at a moment before which the pins had these levels, within the same byte."""
         self._levels = [levels[pin] if levels else HIGH for pin in self.pins]
 
     def add(self, edges: EdgeChunk, now: int) -> None:
+        """Take the edges up to `now`."""
         mine = np.isin(edges.pin, self.pins)
         rows = zip(*(column[mine].tolist() for column in edges), strict=True)
         for cycle, changes in groupby(rows, lambda row: row[0]):
@@ -162,5 +154,6 @@ class BusListener:
         self._bits, self._address, self._begin = 0, False, None
 
     def taken(self) -> list[Said]:
+        """Return what was said since the last time."""
         said, self._said = self._said, []
         return said

@@ -407,7 +407,7 @@ class WatchSession:
         """Determine the pulses after a jump: those just before, or the latest before a silence."""
         self._latest = LatestEdges(self.now, self._place.levels_before(self.now))
         if self.listener is not None:
-            self.listener.restart(self.now, self._latest.levels_before(self.now))
+            self.listener.restart(self._latest.levels_before(self.now))
         frames = (SILENT_FRAMES + 1) * self._period
         for span in (frames, *(int(self.subject.clock.round_seconds(seconds)) for seconds in HELD_S)):
             begin = max(0, self.now - span)
@@ -617,7 +617,7 @@ class WatchSession:
         for line in self._lines(begin):
             hears = np.isin(line.pin, outside.pin) and not np.isin(line.pin, edges.pin)
             before = [given[0].get(pin, HIGH) for pin in range(len(levels))] if hears else levels
-            line.restart(begin, before)
+            line.restart(before)
             line.add(outside if hears else edges, seen)
             said |= dict.fromkeys(line.pins, ()) | {line.pin: line.taken()}
         return said
@@ -717,7 +717,7 @@ class WatchSession:
         if name:
             _check_baud(baud)
             self.listener = SerialListener(pin_number(name), baud, self.subject.clock)
-            self.listener.restart(self.now, self._place.levels_before(self.now))
+            self.listener.restart(self._place.levels_before(self.now))
         yield from ()
 
     def _do_walk(self, message: Mapping[str, Any]) -> Iterator[Message]:

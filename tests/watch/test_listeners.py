@@ -29,7 +29,7 @@ def test_bytes_are_heard_as_they_were_sent(baud: int) -> None:
     clock, data = Clock(4_000_000), bytes([0xFF, 0x00, 0x55, 0xA3, 0x7F])
     changes = list(Serial(4, data, Fraction(baud), start=3000, baud_error=Fraction(2, 100)).changes(clock))
     heard = SerialListener(4, Fraction(baud), clock)
-    heard.restart(0, [1] * len(PINS))
+    heard.restart([1] * len(PINS))
     dice, begin, end = np.random.default_rng(baud), 0, changes[-1].cycle + 20 * 10**6 // baud
     while begin < end:
         until = begin + int(dice.integers(1, 12 * 10**6 // baud))
