@@ -85,9 +85,10 @@ def clocks_of(edges: EdgeChunk, scl: int, sda: int) -> int | None:
     """Return the clocks of an I²C bus's byte that is not over after `edges`; None if that is not known."""
     mine = np.flatnonzero(np.isin(edges.pin, (scl, sda)))
     mine = mine[np.lexsort((edges.pin[mine] != scl, edges.cycle[mine]))]
-    clock, level = edges.pin[mine] == scl, edges.level[mine]
+    cycle, clock, level = edges.cycle[mine], edges.pin[mine] == scl, edges.level[mine]
     latest = np.maximum.accumulate(np.where(clock, np.arange(len(mine)), -1))
-    marks = np.flatnonzero(~clock & (latest >= 0) & (level[latest] == HIGH))  # starts and stops
+    high = (latest >= 0) & (level[latest] == HIGH) & (cycle[latest] < cycle)
+    marks = np.flatnonzero(~clock & high)  # starts and stops: SCL does not change with SDA
     if not len(marks) or level[marks[-1]] != LOW:
         return None
     clocks = level[marks[-1] :][clock[marks[-1] :]]
@@ -125,7 +126,7 @@ class BusListener:
                 self._levels[places(pin)] = level
             if self._levels[0] == UNDRIVEN:  # between two pieces of a capture
                 self._bits = None
-            elif self._levels[0] == HIGH:
+            elif self._levels[0] == HIGH and clock != UNDRIVEN:
                 self._high(cycle, rises=clock == LOW, changed=data != self._levels[1])
 
     def _high(self, cycle: int, *, rises: bool, changed: bool) -> None:

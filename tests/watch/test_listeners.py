@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from servogen.edges import LOW, PINS, UNDRIVEN, EdgeTrace, edge_chunk, join, part
+from servogen.edges import HIGH, LOW, PINS, UNDRIVEN, EdgeTrace, edge_chunk, join, part
 from servogen.engines.board import board_of, machine_of
 from servogen.simulator import EEPROM24, Machine, Serial, SimulatorOptions, on_pins
 from servogen.units import Clock, Cycles
@@ -102,3 +102,13 @@ def test_of_a_bus_that_was_not_seen_for_a_while_nothing_is_said_before_a_start()
     assert clocks_of(broken, 0, 1) is None and clocks_of(edges, 0, 1) == 0
     before = part(edges, edges.cycle <= third.begin)
     assert clocks_of(before, 0, 1) == 1
+
+
+@pytest.mark.parametrize("before", [LOW, UNDRIVEN])
+def test_sda_that_changes_as_scl_becomes_high_is_no_start(before: int) -> None:
+    """DS20001203 section 4.2: a start is a fall of SDA while SCL is high; a capture may go on with both."""
+    fall = edge_chunk([0, 0, 10, 10], [0, 1, 0, 1], [before, before or HIGH, HIGH, LOW])
+    clocks = edge_chunk(range(20, 38), [0] * 18, [LOW, HIGH] * 9)
+    heard = BusListener(0, 1)
+    heard.add(join((fall, clocks)), 40)
+    assert heard.taken() == [] and clocks_of(join((fall, clocks)), 0, 1) is None
