@@ -16,6 +16,7 @@ import operator
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from types import MappingProxyType
 
 import numpy as np
@@ -248,10 +249,14 @@ def _writers(conditions: Sequence[AtCondition | AtChange], image: Image) -> froz
         for condition in conditions
         for offset in range(condition.variable.size)
     }
-    addresses = set()
-    for address, word in image.program.items() if bytes_of else ():
-        decoded = decode(word)
-        writes = decoded is not None and decoded.instruction.writes_file(decoded.d)
-        if writes and decoded is not None and decoded.f in {*bytes_of, INDIRECT}:
-            addresses.add(address)
-    return frozenset(addresses)
+    if not bytes_of:
+        return frozenset()
+    reached = {*bytes_of, INDIRECT}
+    return frozenset(address for address, word in image.program.items() if _written(word) in reached)
+
+
+@cache  # of at most 2^14 words; a way back asks anew every few milliseconds of the chip
+def _written(word: int) -> int | None:
+    """Return the address of the file register that an instruction writes; None: it writes none."""
+    decoded = decode(word)
+    return decoded.f if decoded is not None and decoded.instruction.writes_file(decoded.d) else None
