@@ -44,7 +44,7 @@ class SlotFacts:
     bits: int = 0xFF
     """The bits that exist."""
     power_up: int = 0
-    """The value at power-up, apart from the bits that are undefined."""
+    """The value at power-up, apart from the bits that are undefined; for other resets see events.h."""
     timed: bool = False
     """Whether time alone changes it."""
     merged: bool = False
