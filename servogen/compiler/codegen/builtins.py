@@ -56,6 +56,8 @@ def builtin(gen: FunctionGenerator, expr: Builtin) -> list[Loc]:
             function = gen.library(expr.name, tuple(int(parameter) for parameter in data))
             operands = [operands_of(gen, argument, 1) for argument in expr.arguments]
             library_call(gen, function, operands)
+        case _:
+            raise AssertionError(f"no code for the built-in operation {expr.name!r}")
     return []
 
 
