@@ -364,7 +364,7 @@ def test_the_page_of_the_robots_states_how_many_solutions_each_has() -> None:
 
 
 def test_the_numerical_method_reaches_the_same_targets(sampled_arm, configurations) -> None:
-    pose = fk(sampled_arm, configurations(sampled_arm, 2_000))
+    pose = fk(sampled_arm, configurations(sampled_arm, 10_000))
     found = numerical.search(sampled_arm, pose[:, :3, 3], pose[:, :3, :3])
     assert found.within(1e-7).mean() >= 0.999
     alone = numerical.search(sampled_arm, pose[:, :3, 3])
