@@ -138,7 +138,7 @@ def run_each(
     iteration ends, for whatever reason.
     """
     if not can_fork():
-        yield from ((index, _in_this_process(work)) for index, work in enumerate(works))
+        yield from each_here(works)
         return
     waiting = iter(enumerate(works))
     with selectors.DefaultSelector() as selector:
@@ -167,6 +167,11 @@ def run_each(
 def can_fork() -> bool:
     """Return whether this system can do work in a separate process."""
     return hasattr(os, "fork") and _resource is not None
+
+
+def each_here(works: Sequence[Callable[[], T]]) -> Iterator[tuple[int, T | Exception]]:
+    """Do `works` in this process, without limits; yield what `run_each` does."""
+    return ((index, _in_this_process(work)) for index, work in enumerate(works))
 
 
 def _in_this_process(work: Callable[[], T]) -> T | Exception:

@@ -22,7 +22,7 @@ from servogen.cli.show import as_json, print_lines, status, table, warn_of_all
 from servogen.cli.widths import width_table
 from servogen.engines.firmware import ResourceError
 from servogen.errors import Diagnostic, InputError
-from servogen.isolation import WorkLimits, run_each
+from servogen.isolation import WorkLimits, each_here, run_each
 from servogen.job import PlannedJob, load, plan_job
 from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES
 from servogen.plan_error import plan_text
@@ -162,11 +162,21 @@ class _Demo:
     ) -> _Demo:
         """Build jobs into folders of `output`; their certificates are in `proofs`, or where they are kept."""
         made: dict[int, _Made | Exception] = {}
-        works = [partial(_made, job, output, None if prove else proofs, not prove) for job in jobs]
-        tell(f"0 of {counted(len(jobs), 'job')} built")
-        for index, result in run_each(works, BUILDING, os.cpu_count() or 1):
-            made[index] = result
-            tell(f"{len(made)} of {counted(len(jobs), 'job')} built")
+        planned: dict[int, PlannedJob] = {}
+        for index, job in enumerate(jobs):
+            try:
+                planned[index] = plan_job(load(job))
+            except (InputError, ResourceError) as refusal:
+                made[index] = refusal
+        numbers, total = list(planned), counted(len(jobs), "job")
+        works = [
+            partial(_made, job, output, None if prove else proofs, not prove) for job in planned.values()
+        ]
+        at_once = min(os.cpu_count() or 1, len(works))
+        tell(f"0 of {total} built")
+        for number, result in run_each(works, BUILDING, at_once) if at_once > 1 else each_here(works):
+            made[numbers[number]] = result
+            tell(f"{len(made)} of {total} built")
         shown = _Demo(output, [], [], [], prove)
         for index, job in enumerate(jobs):
             match made[index]:
@@ -206,11 +216,10 @@ class _Demo:
         ]
 
 
-def _made(job: Path, output: Path, certificates: Path | None, checks: bool) -> _Made:
+def _made(job: PlannedJob, output: Path, certificates: Path | None, checks: bool) -> _Made:
     """Return a job's build and, if it `checks`, what is known of its programs. Raises what `build` raises."""
-    loaded = plan_job(load(job))
-    result = built(loaded)
-    folder = output / loaded.name
+    result = built(job)
+    folder = output / job.name
     return result, _theorems(result, folder, certificates, False, lambda step: None) if checks else []
 
 
