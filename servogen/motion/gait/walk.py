@@ -261,12 +261,18 @@ def walk(
         return _timed(plan, gait, segments, others, count, lost, float(clock.seconds(period)), each)
 
     if frames_per_cycle is None:
-        made = _shortest(gait, timed, minimum, joints)
+        made = _shortest(gait, timed, minimum)
     else:
         made = timed(_whole(gait, frames_per_cycle))
     plan, count, frames, loop_start = made.plan, made.count, made.frames, made.loop_start
     angles = made.angles
     _check_limits(joints, angles)
+    if frames_per_cycle is None and made.tight.factor > 1:
+        raise InputError(
+            "cycle-time",
+            "the limits of the servos require a cycle of more than a minute",
+            hint="shorten the stride, or raise the limits",
+        )
     trajectory = JointTrajectory(
         joints=tuple(joints), clock=clock, period=period, angles=angles, loop_start=loop_start
     )
@@ -351,11 +357,9 @@ def _timed(
     return _Timed(count, plan, begins, frames, angles, loop_start, tight)
 
 
-def _shortest(
-    gait: Gait, timed: Callable[[int], _Timed], minimum: int, joints: Mapping[str, Joint]
-) -> _Timed:
-    """Return the walk in the fewest frames of a cycle that keep the limits. Raises InputError for more than a
-    minute, or for angles that no slower walk mends.
+def _shortest(gait: Gait, timed: Callable[[int], _Timed], minimum: int) -> _Timed:
+    """Return the walk in the fewest frames of a cycle that keep the limits; if they require more than a
+    minute, the last one that was tried.
     """
     grain, failed = _whole(gait, 1), 0
     made = timed(_whole(gait, minimum))
@@ -364,12 +368,7 @@ def _shortest(
         # A slower walk may need less than the factor says, so it is at most doubled each time.
         count = _whole(gait, max(failed + 1, math.ceil(failed * min(made.tight.factor, 2.0))))
         if count > MAX_FRAMES_PER_CYCLE:
-            _check_limits(joints, made.angles)
-            raise InputError(
-                "cycle-time",
-                "the limits of the servos require a cycle of more than a minute",
-                hint="shorten the stride, or raise the limits",
-            )
+            return made
         made = timed(count)
     while made.count - failed > grain and failed:
         middle = timed(_whole(gait, (failed + made.count) // 2))
