@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from servogen.pic.device import PROGRAM_WORDS
-from servogen.pic.symbols.names import ProgramNames, damaged, in_ram
+from servogen.pic.symbols.names import ProgramNames, by_address, damaged, in_ram
 
 BLOCK = 512
 WORDS = BLOCK // 2
@@ -38,7 +38,7 @@ def read_cod(raw: bytes, file: str) -> ProgramNames:
             variables.add((ram, name, 1))
     return ProgramNames(
         _words(blocks, file),
-        tuple(sorted(labels, key=lambda label: (label[1], label[0]))),
+        by_address(labels),
         variables=tuple(sorted(variables)),
         lines=_lines(blocks, file),
     )

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from struct import Struct, iter_unpack
 
 from servogen.pic.device import PROGRAM_WORDS, RAM_LAST
-from servogen.pic.symbols.names import ProgramNames, damaged, in_ram, sized
+from servogen.pic.symbols.names import ProgramNames, by_address, damaged, in_ram, sized, text_at, words_from
 
 MAGIC = 0x1240
 """Of the layout with 20 bytes for a symbol; the older one has 18."""
@@ -25,8 +25,6 @@ TEXT, DATA, BSS, ROM_DATA = 0x20, 0x40, 0x80, 0x100
 """Flags of a section."""
 EXTERNAL, STATIC, LABEL, FILE = 2, 3, 6, 103
 """Classes of a symbol; a name by EQU has another."""
-NAME_BYTES = 1000
-"""The longest name that is read."""
 
 
 def read_coff(raw: bytes, file: str) -> ProgramNames | None:
@@ -53,7 +51,7 @@ def read_coff(raw: bytes, file: str) -> ProgramNames | None:
         if kind == "data":
             found.sections.append(range(start & 0xFF, min((start & 0xFF) + size, RAM_LAST + 1)))
         elif kind == "program":
-            found.put(start, parts.part(data_at, size, "words"))
+            found.words |= words_from(start, parts.part(data_at, size, "words"))
             for source, line, address, _, _ in iter_unpack(
                 _LINE, parts.part(lines_at, lines * LINE_BYTES, "lines")
             ):
@@ -61,7 +59,7 @@ def read_coff(raw: bytes, file: str) -> ProgramNames | None:
                     found.lines[address] = (files[source], line)
     return ProgramNames(
         found.words,
-        tuple(sorted(found.labels, key=lambda label: (label[1], label[0]))),
+        by_address(found.labels),
         variables=sized(found.variables, found.sections),
         lines=found.lines,
     )
@@ -82,11 +80,6 @@ class _Found:
     variables: set[tuple[int, str]] = field(default_factory=set)
     sections: list[range] = field(default_factory=list)
     lines: dict[int, tuple[str, int]] = field(default_factory=dict)
-
-    def put(self, start: int, content: bytes) -> None:
-        words = content[: 2 * max(PROGRAM_WORDS - start, 0)]
-        for offset in range(len(words) // 2):
-            self.words[start + offset] = int.from_bytes(words[2 * offset : 2 * offset + 2], "little")
 
     def symbol(self, name: str, value: int, kind: str | None) -> None:
         byte = in_ram(value)
@@ -128,4 +121,4 @@ class _Parts:
         return short.rstrip(b"\0").decode("latin-1")
 
     def text(self, at: int) -> str:
-        return self._raw[at : at + NAME_BYTES].partition(b"\0")[0].decode("latin-1")
+        return text_at(self._raw, at)

@@ -10,7 +10,7 @@ import re
 from pathlib import PurePath
 
 from servogen.pic.device import PROGRAM_WORDS
-from servogen.pic.symbols.names import ProgramNames, damaged, in_ram
+from servogen.pic.symbols.names import ProgramNames, by_address, damaged, in_ram
 
 SIGNATURES = ("gpasm-", "MPASM")
 _ROW = re.compile(
@@ -56,7 +56,7 @@ def read_gpasm_lst(text: str, file: str) -> ProgramNames | None:
         raise damaged(file, "has no words", 1)
     return ProgramNames(
         words,
-        tuple(sorted(labels.items(), key=lambda label: (label[1], label[0]))),
+        by_address(labels.items()),
         variables=tuple(sorted(variables)),
         lines=lines,
     )

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 
 from servogen.pic.device import PROGRAM_WORDS, RAM_LAST
-from servogen.pic.symbols.names import ProgramNames, damaged, in_ram, sized
+from servogen.pic.symbols.names import ProgramNames, by_address, damaged, in_ram, sized
 
 SIGNATURES = ("gplink", "MPLINK")
 SECTIONS, PROGRAM, SYMBOLS = "Section Info", "Program Memory Usage", "Symbols"
@@ -52,7 +52,7 @@ def read_gplink_map(text: str, file: str) -> ProgramNames | None:
         raise damaged(file, "ends before its table of symbols", len(text.splitlines()) or 1)
     return ProgramNames(
         words,
-        tuple(sorted(labels, key=lambda label: (label[1], label[0]))),
+        by_address(labels),
         variables=sized(found, sections),
     )
 

@@ -9,10 +9,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from servogen.errors import InputError, Location
-from servogen.pic.device import RAM_FIRST, RAM_LAST
+from servogen.pic.device import PROGRAM_WORDS, RAM_FIRST, RAM_LAST
 
 MIRROR = 0x80
 """Bank 1 shows the same bytes of RAM (DS35007 section 2.2)."""
+NAME_BYTES = 1000
+"""The longest name that is read."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +40,24 @@ def in_ram(address: int) -> int | None:
     """Return the address in bank 0 of a byte of RAM; None for a register and whatever else is no RAM."""
     address &= ~MIRROR
     return address if RAM_FIRST <= address <= RAM_LAST else None
+
+
+def by_address(labels: Iterable[tuple[str, int]]) -> tuple[tuple[str, int], ...]:
+    """Return labels in the order of their addresses, those of one address in that of their names."""
+    return tuple(sorted(labels, key=lambda label: (label[1], label[0])))
+
+
+def words_from(start: int, content: bytes) -> dict[int, int]:
+    """Return the words of the program in `content`, two bytes each, the low one first, by their addresses."""
+    count = min(len(content) // 2, max(PROGRAM_WORDS - start, 0))
+    return {
+        start + index: int.from_bytes(content[2 * index : 2 * index + 2], "little") for index in range(count)
+    }
+
+
+def text_at(raw: bytes, at: int) -> str:
+    """Return a text that ends with a byte of 0."""
+    return raw[at : at + NAME_BYTES].partition(b"\0")[0].decode("latin-1")
 
 
 def sized(

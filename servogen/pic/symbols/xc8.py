@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from servogen.pic.device import PROGRAM_WORDS, RAM_LAST, register_bits
-from servogen.pic.symbols.names import ProgramNames, in_ram, sized
+from servogen.pic.symbols.names import ProgramNames, by_address, in_ram, sized
 
 Space = Literal["program", "ram", "absolute"]
 
@@ -62,7 +62,7 @@ class Xc8Program:
         functions = [(name, at, ends[name]) for name, at in self.code.items() if at < ends[name]]
         return ProgramNames(
             self.words,
-            tuple(sorted(labels, key=lambda label: (label[1], label[0]))),
+            by_address(labels),
             tuple(sorted(functions, key=lambda function: function[1])),
             sized(self.variables, self.sections, self.marks),
             self.lines,

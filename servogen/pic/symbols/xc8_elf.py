@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from struct import Struct
 
 from servogen.pic.device import PROGRAM_WORDS
-from servogen.pic.symbols.names import ProgramNames, damaged
+from servogen.pic.symbols.names import ProgramNames, damaged, text_at, words_from
 from servogen.pic.symbols.xc8 import END, Space, Xc8Program
 
 MAGIC = b"\x7fELF\x01\x01"
@@ -45,12 +45,8 @@ def read_xc8_elf(raw: bytes, file: str) -> ProgramNames | None:
     sections = _sections(_Bytes(raw, file), len(raw))
     found = Xc8Program()
     for section in sections:
-        if section.kind == CONTENTS and section.start < PROGRAM_WORDS:
-            data = section.data[: 2 * (PROGRAM_WORDS - section.start)]
-            words = {
-                section.start + index: int.from_bytes(data[2 * index : 2 * index + 2], "little")
-                for index in range(len(data) // 2)
-            }
+        if section.kind == CONTENTS:
+            words = words_from(section.start, section.data)
             found.section("program", section.start, len(words), words)
         elif section.kind == NO_CONTENTS:
             found.section("ram", section.start, section.size)
@@ -60,7 +56,7 @@ def read_xc8_elf(raw: bytes, file: str) -> ProgramNames | None:
             for name, at, _, _, _, index in _SYMBOL.iter_unpack(
                 section.data[: len(section.data) // _SYMBOL.size * _SYMBOL.size]
             ):
-                text = _text(names, name)
+                text = text_at(names, name)
                 found.symbol(text, at, _space(sections, index, text))
         elif section.name == ".debug_line":
             _line_programs(_Bytes(section.data, file), found)
@@ -84,14 +80,10 @@ def _sections(raw: _Bytes, size: int) -> list[_Section]:
     texts = raw.at(rows[names][4]).take(rows[names][5])
     return [
         _Section(
-            _text(texts, name), kind, start, size, b"" if kind == NO_CONTENTS else raw.at(place).take(size)
+            text_at(texts, name), kind, start, size, b"" if kind == NO_CONTENTS else raw.at(place).take(size)
         )
         for name, kind, _, start, place, size, *_ in rows
     ]
-
-
-def _text(texts: bytes, at: int) -> str:
-    return texts[at : at + 1000].partition(b"\0")[0].decode("latin-1")
 
 
 @dataclass
