@@ -169,10 +169,10 @@ class _Demo:
             except (InputError, ResourceError) as refusal:
                 made[index] = refusal
         numbers, total = list(planned), counted(len(jobs), "job")
-        works = [
-            partial(_made, job, output, None if prove else proofs, not prove) for job in planned.values()
-        ]
-        at_once = min(os.cpu_count() or 1, len(works))
+        at_once = min(os.cpu_count() or 1, len(planned))
+        # The steps of several jobs at a time would be those of none.
+        step = tell if at_once == 1 else lambda text: None
+        works = [partial(_made, job, output, proofs, not prove, step) for job in planned.values()]
         tell(f"0 of {total} built")
         for number, result in run_each(works, BUILDING, at_once) if at_once > 1 else each_here(works):
             made[numbers[number]] = result
@@ -216,11 +216,12 @@ class _Demo:
         ]
 
 
-def _made(job: PlannedJob, output: Path, certificates: Path | None, checks: bool) -> _Made:
+def _made(
+    job: PlannedJob, output: Path, certificates: Path | None, checks: bool, tell: Callable[[str], None]
+) -> _Made:
     """Return a job's build and, if it `checks`, what is known of its programs. Raises what `build` raises."""
-    result = built(job)
-    folder = output / job.name
-    return result, _theorems(result, folder, certificates, False, lambda step: None) if checks else []
+    result = built(job, lambda step: tell(f"{job.name}: {step}"))
+    return result, _theorems(result, output / job.name, certificates, False, tell) if checks else []
 
 
 def _show_demo(shown: _Demo) -> None:
