@@ -333,7 +333,7 @@ def pair_html(result: PairBuild) -> str:
                 )
                 for dialect, verdict in result.verdicts.items()
             ],
-            ONE_RUN.format(folder="of this folder"),
+            ONE_RUN.format(folder="on this folder"),
         )
     )
 
@@ -354,5 +354,5 @@ def pair_report(result: PairBuild) -> str:
         lines += ["", f"{folder}: {pins}", f"{programs}; all of it in {folder}/report.txt"]
     for dialect, verdict in result.verdicts.items():
         lines += ["", f"{dialect}:", *(f"  {line}" for line in verdict.lines())]
-    lines += ["", ONE_RUN.format(folder="of this folder")]
+    lines += ["", ONE_RUN.format(folder="on this folder")]
     return "\n".join(line.rstrip() for line in lines) + "\n"
