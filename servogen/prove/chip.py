@@ -448,7 +448,7 @@ class AbstractChip:
         """Run; return whether the choices are possible."""
         s = self._load(state)
         if choices:
-            read = [choice for choice in choices if self.tape and choice.field == "PINS"]
+            read = (choice for choice in choices if choice.field == "PINS")
             if self.tape and not all(self.tape.saw(choice.bits, choice.value) for choice in read):
                 return False
             earlier = [self._hold(choice) for choice in choices]

@@ -105,9 +105,8 @@ class ContractSpecification:
 
     def sample(self, state: ContractState, pin: int, level: int) -> ContractState:
         """Return the state after the program has read a pin."""
-        if (
-            pin in self._causes
-        ):  # on another chip it may be an input, whose events no edge of the program shows
+        # On another chip it may be an input, whose events no edge of the program shows.
+        if pin in self._causes:
             raise Violation(f"{PINS[pin]} is read, and was driven in a plain run", 0, certain=False)
         if self._response is None or pin != self._response.pin:
             return state

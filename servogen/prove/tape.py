@@ -84,7 +84,7 @@ class LeftEEPROM(RunningEEPROM):
             self._forget()
         if not self._known:
             self._phase, self._bits, self._pulls = Phase.STANDBY, 0, 0
-        super().react(cycle, levels & ~self._pulls)
+        super().react(cycle, levels & ~self._pulls)  # what it pulls itself is a level, too
         return self._pulls | SDA << 2 if self._known and levels & SCL else 0
 
     def _started(self, cycle: int) -> None:
