@@ -305,13 +305,12 @@ def _theorem_lines(result: Build, folder: Path, theorems: Sequence[CertificateVe
     """Yield what is proven of a build's programs, and the command that proves the others."""
     names = [hex_name(result, program) for program in result.programs]
     rows = sorted(zip(theorems, names, strict=True), key=lambda row: (not row[0].valid, row[0].text))
-    for (text, open_), group in groupby(
-        rows, key=lambda row: (row[0].text, row[0].missing and row[0].covered)
-    ):
+    for verdict, group in groupby(rows, key=lambda row: row[0]):
         files = [name for _, name in group]
         words = ["servogen", "prove", str(folder / files[0]), "--against", str(folder / "schedule.json")]
-        how = f": {shlex.join(words)}, or build with --prove" if open_ else ""
-        yield f"every power-up, input and chip: {', '.join(files)}: {text}{how}"
+        how = ", or build with --prove" if verdict.covered else " --accept-one-engine"
+        how = f": {shlex.join(words)}{how}" if verdict.missing else ""
+        yield f"every power-up, input and chip: {', '.join(files)}: {verdict.text}{how}"
 
 
 def _program_table(result: Build, theorems: Sequence[CertificateVerdict]) -> None:

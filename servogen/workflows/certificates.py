@@ -37,14 +37,13 @@ class CertificateVerdict:
     valid: bool
     missing: bool = False
     covered: bool = True
-    """Whether a proof may decide it."""
+    """Whether a proof of it can have a certificate."""
 
     @property
     def sentence(self) -> str:
         """Return what a page says of it beside the verdict on one run."""
-        return f"all runs: {self.text}" + (
-            ": servogen build --prove" if self.missing and self.covered else ""
-        )
+        how = "servogen build --prove" if self.covered else "servogen prove decides it by one engine"
+        return f"all runs: {self.text}" + (f": {how}" if self.missing else "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,8 +190,7 @@ def _found(files: Iterable[Path], image: Image, text: bytes) -> tuple[Path | Non
             if claim and (claim.image, claim.schedule) == (fingerprint(image), digest):
                 return file, _checked(claim, image, text)
     if "tape" in json.loads(text):
-        why = "not covered by the checker: the EEPROM of a tape; servogen prove decides it by one engine"
-        return None, CertificateVerdict(why, False, missing=True, covered=False)
+        return None, CertificateVerdict("not covered by the checker", False, missing=True, covered=False)
     return None, CertificateVerdict("not proven yet", False, missing=True)
 
 

@@ -256,6 +256,7 @@ def test_the_checker_covers_no_tape_and_build_says_so() -> None:
     played, image = made()
     verdict = kept([], image, played.plan.schedule.json_text().encode())
     assert not verdict.valid and "servogen prove" in verdict.sentence and "--prove" not in verdict.sentence
+    assert len(verdict.text) <= 26, "a cell of the table of programs, on a terminal of 80 columns"
 
 
 def test_the_schedules_file_names_the_pins_and_the_part_and_reads_back() -> None:
