@@ -74,7 +74,7 @@ def _planned_with_horns(loaded: Job, file: Path, fit: bool) -> PlannedJob:
     except ServogenError as error:
         horns, made = centred(loaded)
         if not fit:
-            raise advised(error, horns) from error
+            raise advised(error, horns) from None
     else:
         if not fit:
             return planned

@@ -168,7 +168,7 @@ def build(job: PlannedJob, progress: Progress = lambda step: None) -> Build:
     try:
         return build_alone(job, progress)
     except (InputError, ResourceError) as error:
-        raise advised(job, error, progress) from error
+        raise advised(job, error, progress) from None
 
 
 def build_alone(job: PlannedJob, progress: Progress) -> Build:

@@ -14,6 +14,7 @@ from servogen.workflows import advice
 from servogen.workflows.engines import planned
 from servogen.workflows.job_build import build
 from tests.engines.player.player_jobs import ROOT, job_text, poses
+from tests.two_chips import ARM, TWO
 
 TRIPOD = (ROOT / "jobs" / "hexapod-tripod.toml").read_text()
 MORE = ", { turn_deg = 20, cycles = 3 }, { forward_mm = -30, cycles = 3 }, { turn_deg = -20, cycles = 3 }"
@@ -27,6 +28,12 @@ def refused(text: str) -> ServogenError:
     with pytest.raises(ServogenError) as caught:
         build(plan_job(loads(text, "job.toml")))
     return caught.value
+
+
+def test_an_error_without_advice_is_not_its_own_cause() -> None:
+    """Libraries that follow the causes of an error, to send it to another process, would never end."""
+    error = refused(TWO + ARM.format(elbow="RB0"))
+    assert error.code == "chip-pair" and error.__cause__ is not error
 
 
 @pytest.mark.campaign
