@@ -162,20 +162,13 @@ class _Demo:
     ) -> _Demo:
         """Build jobs into folders of `output`; their certificates are in `proofs`, or where they are kept."""
         made: dict[int, _Made | Exception] = {}
-        planned: dict[int, PlannedJob] = {}
-        for index, job in enumerate(jobs):
-            try:
-                planned[index] = plan_job(load(job))
-            except (InputError, ResourceError) as refusal:
-                made[index] = refusal
-        numbers, total = list(planned), counted(len(jobs), "job")
-        at_once = min(os.cpu_count() or 1, len(planned))
+        total, at_once = counted(len(jobs), "job"), min(os.cpu_count() or 1, len(jobs))
         # The steps of several jobs at a time would be those of none.
         step = tell if at_once == 1 else lambda text: None
-        works = [partial(_made, job, output, proofs, not prove, step) for job in planned.values()]
+        works = [partial(_made, job, output, proofs, not prove, step) for job in jobs]
         tell(f"0 of {total} built")
-        for number, result in run_each(works, BUILDING, at_once) if at_once > 1 else each_here(works):
-            made[numbers[number]] = result
+        for index, result in run_each(works, BUILDING, at_once) if at_once > 1 else each_here(works):
+            made[index] = result
             tell(f"{len(made)} of {total} built")
         shown = _Demo(output, [], [], [], prove)
         for index, job in enumerate(jobs):
@@ -217,9 +210,10 @@ class _Demo:
 
 
 def _made(
-    job: PlannedJob, output: Path, certificates: Path | None, checks: bool, tell: Callable[[str], None]
+    file: Path, output: Path, certificates: Path | None, checks: bool, tell: Callable[[str], None]
 ) -> _Made:
     """Return a job's build and, if it `checks`, what is known of its programs. Raises what `build` raises."""
+    job = plan_job(load(file))
     result = built(job, lambda step: tell(f"{job.name}: {step}"))
     return result, _theorems(result, output / job.name, certificates, False, tell) if checks else []
 
