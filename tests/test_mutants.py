@@ -251,8 +251,8 @@ def test_killed_are_what_a_test_notices_and_what_hangs_and_nothing_else(
     drawn = [wrong, hanging, unread, unnoticed, default, constant]
     before = {path: path.read_bytes() for path in toy.rglob("*") if path.is_file()}
 
-    def judged(drawn: list[Mutant]) -> dict[Mutant, tuple[str, int, int]]:
-        fates, unsound = judge_all(toy, drawn, Limits(60, 3), 1, ["tests"], tmp_path / "kept")
+    def judged(drawn: list[Mutant], seconds: float) -> dict[Mutant, tuple[str, int, int]]:
+        fates, unsound = judge_all(toy, drawn, Limits(60, seconds), 1, ["tests"], tmp_path / "kept")
         assert unsound == {"tests/test_counting.py::test_that_always_fails"}
         return {each.mutant: (each.killer.rpartition("::")[2], each.passed, each.reaching) for each in fates}
 
@@ -264,10 +264,12 @@ def test_killed_are_what_a_test_notices_and_what_hangs_and_nothing_else(
         default: ("", 4, 4),
         constant: ("test_limit", 0, 4),
     }
-    assert judged(drawn) == expected
+    # A slow machine needs seconds for the test's own process, and one that hangs takes all of its time.
+    drawn.remove(hanging)
+    assert judged(drawn, 60) | judged([hanging], 3) == expected
     assert {path: path.read_bytes() for path in toy.rglob("*") if path.is_file()} == before
     assert "recording tests/test_counting.py" in capsys.readouterr().out
-    assert judged([constant]) == {constant: expected[constant]}
+    assert judged([constant], 3) == {constant: expected[constant]}
     assert "recording" not in capsys.readouterr().out  # the tests are as they were
 
 
