@@ -1495,6 +1495,7 @@ class RigAnswer(TypedDict):
     inputs: Annotated[str, "The input board's port."]
     serial: NotRequired[Annotated[str, "The serial line's port."]]
     programmer2: NotRequired[Annotated[str, "The port of the second chip's programmer."]]
+    debugger: NotRequired[Annotated[str, "The address at which an editor attaches."]]
 
 
 class ShareAnswer(TypedDict):

@@ -206,7 +206,7 @@ IMPORTED_WHEN_NEEDED = {
     "main.py": 1,  # the version is printed without typer
     "files.py": 3,  # a HEX file is simulated without the compiler and the engines
     "job_commands.py": 1,  # a job of one chip is checked without the simulator, which plans two
-    "page_server.py": 4,  # the server's package may be missing
+    "page_server.py": 6,  # the server's package may be missing
     "show.py": 7,  # rich, where a table or a bar is shown
 }
 """The imports within functions of the command line, by module."""

@@ -1,9 +1,11 @@
-"""Runs the server of `servogen watch` and of `servogen grade --watch` until Ctrl-C, and connects to one."""
+"""Runs the server of the pages, or of `rig --debug`, and connects to one."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import suppress
+import queue
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 from servogen.errors import ToolError
@@ -11,7 +13,7 @@ from servogen.errors import ToolError
 if TYPE_CHECKING:
     from servogen.dap.protocol import Message
     from servogen.dap.running_page import RunningPage
-    from servogen.watch.server import WatchServer
+    from servogen.watch.server import Attach, WatchServer
 
 
 def require_server() -> None:
@@ -52,3 +54,35 @@ def serve_until_ctrl_c(server: WatchServer, name: str, port: int, browser: bool)
             asyncio.run(server.run(port, ready))
     except OSError as error:
         raise ToolError("port-in-use", f"port {port} cannot be opened: {error.strerror}") from error
+
+
+@contextmanager
+def serving(attach: Attach) -> Iterator[str]:
+    """Serve editors in a thread until the block ends; yield the address. Raises ToolError without the
+    server's package.
+    """
+    require_server()
+    import asyncio
+
+    from servogen.watch.server import DebuggerRoom, WatchServer
+
+    begun: queue.Queue[tuple[str, Callable[[], object]]] = queue.Queue()
+
+    async def serve() -> None:
+        loop, task = asyncio.get_running_loop(), asyncio.current_task()
+        assert task is not None
+        server = WatchServer({"": DebuggerRoom(attach)})
+        await server.run(0, lambda url: begun.put((url, lambda: loop.call_soon_threadsafe(task.cancel))))
+
+    def run() -> None:
+        with suppress(asyncio.CancelledError):
+            asyncio.run(serve())
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    url, end = begun.get()
+    try:
+        yield url
+    finally:
+        end()
+        thread.join()

@@ -19,10 +19,12 @@ from servogen.bench.inputs.wiring import input_wiring
 from servogen.bench.virtual.analyser import AnalyserOptions
 from servogen.bench.virtual.board import BoardOptions
 from servogen.bench.virtual.chip import SecondChip
+from servogen.bench.virtual.debugger import VirtualDebugger
 from servogen.bench.virtual.rig import RigOptions, with_fault
 from servogen.bench.virtual.rig import rig as opened
 from servogen.cli.files import read_image
 from servogen.cli.options import JobFile, Json, baud_option, sampling_rate_option
+from servogen.cli.page_server import serving
 from servogen.cli.show import as_json, status
 from servogen.drive.on_command import line_baud
 from servogen.engines.board import board_of, paired_machine
@@ -30,10 +32,12 @@ from servogen.engines.inputs.commands import CommandLine
 from servogen.engines.inputs.serial import Stream
 from servogen.job import PlannedJob, load, plan_job
 from servogen.pic.image import Image
+from servogen.programs import Program
 from servogen.pulse import PulseSchedule
 from servogen.simulator import PairedMachine, Stimulus
 from servogen.simulator.sources import pin_number
 from servogen.workflows.engines import PlayedJob, planned
+from servogen.workflows.job_program import read_program
 from servogen.workflows.pair import planned_pair, read_pair_of
 
 
@@ -91,6 +95,9 @@ class BenchOptions:
             help="Whether the input board runs ConfigurableFirmata, with its scheduler, or StandardFirmata.",
         ),
     ] = True
+    debug: Annotated[
+        bool, typer.Option("--debug", help="Let an editor debug the chip: prints the url for 'servogen dap'.")
+    ] = False
 
 
 def rig(
@@ -131,15 +138,21 @@ def rig(
     levels.pop(options.serial_pin, None)
     ended = threading.Event()
     with ExitStack() as stack:
+        debugger, places = None, {}
+        if bench.debug:
+            program = Program(image) if second is not None else read_program(hex_file or job)
+            debugger = VirtualDebugger(hex_file or job, program)
+            places["debugger"] = stack.enter_context(serving(debugger.attach))
         terminals = stack.enter_context(
-            opened(image, loaded.clock, board_of(schedule), options, levels, second)
+            opened(image, loaded.clock, board_of(schedule), options, levels, second, debugger)
         )
+        places = {**terminals.paths, **places}
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, lambda *_: ended.set())
         if json:
-            as_json(terminals.paths)
+            as_json(places)
         else:
-            for name, path in terminals.paths.items():
+            for name, path in places.items():
                 print(f"{name}: {path}")
             _tell_sigrok(stack, terminals.paths["analyser"])
             print("end it with Ctrl-C")

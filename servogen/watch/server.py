@@ -23,7 +23,7 @@ from dataclasses import dataclass, field
 from http import HTTPStatus
 from threading import Event
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Never
 from urllib.parse import unquote
 
 from websockets.asyncio.server import ServerConnection, serve
@@ -32,7 +32,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from servogen.debug.time_machine import Repetition
-from servogen.errors import ServogenError
+from servogen.errors import InputError, ServogenError
 from servogen.report.viewer import viewer_module
 from servogen.template_files import template_folder
 from servogen.watch.debugging import Debugging
@@ -79,6 +79,9 @@ TYPES = {"html": "text/html", "css": "text/css", "js": "text/javascript"}
 
 Load = Callable[[Callable[[str], None]], Subject]
 """Loads the subject and reports its progress. Raises ServogenError."""
+
+Attach = Callable[[Callable[[Message], None]], Callable[[Message | None], None]]
+"""What `Room.attach` is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -259,29 +262,45 @@ class Room:
         if window.debugging is not None and not window.debugging.follow(window.session):
             window.debugging = None
 
-    async def debug(self, socket: ServerConnection) -> None:
-        """Serve an editor, which debugs the program of the window that was opened last, until either ends."""
+    def attach(self, send: Callable[[Message], None]) -> Callable[[Message | None], None]:
+        """Let an editor debug the program of the window that was opened last.
 
-        def send(message: Message) -> None:
-            self._begin(_sent(socket, json.dumps(message)))
-
+        Return what takes its requests, None where it has gone; `send` takes what answers them.
+        """
         opened = (each for each in reversed(self._windows.values()) if each.socket is not None)
         window = next(opened, Window())
         debugging = Debugging(window.session, send)
         if debugging.session is not None:
             window.debugging = debugging
-        try:
-            async for text in socket:
-                await asyncio.sleep(0)
-                message = debugging.handle(dict(_request(text)))
+
+        def take(request: Message | None) -> None:
+            if request is not None:
+                message = debugging.handle(request)
                 if message is not None:
                     self._send(window, message)
-        except ConnectionClosed:
-            pass
-        finally:
+                return
             debugging.end()
             if window.debugging is debugging:
                 window.debugging = None
+
+        return take
+
+    async def debug(self, socket: ServerConnection) -> None:
+        """Serve an editor, until it or the program ends."""
+        loop = asyncio.get_running_loop()
+
+        def send(message: Message) -> None:
+            loop.call_soon_threadsafe(self._begin, _sent(socket, json.dumps(message)))
+
+        take = self.attach(send)
+        try:
+            async for text in socket:
+                await asyncio.sleep(0)
+                take(dict(_request(text)))
+        except ConnectionClosed:
+            pass
+        finally:
+            take(None)
 
     async def serve(self, socket: ServerConnection) -> None:
         """Serve one window until it is closed. Its session stays, for when it is loaded again."""
@@ -379,6 +398,21 @@ class Room:
                     self._send(other, self._editor.opened())
         if subject is not None:
             self._show(subject)
+
+
+class DebuggerRoom(Room):
+    """Where an editor finds a chip that runs elsewhere, and a browser a sentence."""
+
+    def __init__(self, attach: Attach) -> None:
+        super().__init__(_nothing_to_see)
+        self._attach = attach
+
+    def attach(self, send: Callable[[Message], None]) -> Callable[[Message | None], None]:
+        return self._attach(send)
+
+
+def _nothing_to_see(progress: Callable[[str], None]) -> Never:
+    raise InputError("not-allowed", "here an editor debugs the chip of a bench: docs/editors.md")
 
 
 class WatchServer:

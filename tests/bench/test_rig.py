@@ -55,7 +55,13 @@ def test_the_board_leaves_the_serial_lines_pin_alone(run: Run, monkeypatch: pyte
     held = []
 
     def opened(
-        image: object, clock: object, board: object, options: RigOptions, levels: object, second: object
+        image: object,
+        clock: object,
+        board: object,
+        options: RigOptions,
+        levels: object,
+        second: object,
+        debugger: object,
     ) -> None:
         held.append((options.serial_pin, levels))
         raise ToolError("stopped", "this is enough")

@@ -170,9 +170,9 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
     @contextmanager
     def opened(
-        image: Any, clock: Any, board: Any, options: Any, levels: Any, second: Any
+        image: Any, clock: Any, board: Any, options: Any, levels: Any, second: Any, debugger: Any
     ) -> Iterator[Terminals]:
-        seen.update(image=image, hz=clock.hz, options=options, levels=levels)
+        seen.update(image=image, hz=clock.hz, options=options, levels=levels, debugger=debugger)
         yield Terminals()
 
     kept = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
@@ -239,6 +239,13 @@ def test_the_options_of_a_bench_reach_it(run: Run, bench: dict[str, Any]) -> Non
     assert options.board.scheduler is False
     assert options.programmer != rig.RigOptions().programmer
     assert bench["image"] == "image x.hex"
+
+
+def test_a_bench_says_where_an_editor_attaches_to_its_chip(run: Run, bench: dict[str, Any]) -> None:
+    pytest.importorskip("websockets", reason="the server is of the extra watch")
+    shown = json.loads(run("rig", LAB8, "--hex", ROOT / "firmware" / LAB8.stem, "--debug", "--json").out)
+    assert shown["debugger"].startswith("http://127.0.0.1:")
+    assert bench["debugger"] is not None
 
 
 def test_the_serial_line_of_a_bench_is_the_jobs(run: Run, bench: dict[str, Any], tmp_path: Path) -> None:

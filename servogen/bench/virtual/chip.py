@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from heapq import heappop, heappush
@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from servogen.bench.virtual.connections import ShortCircuit, Wiring
-from servogen.edges import HIGH, LOW, PAIR_NAMES, PAIR_PINS, PIN_NAMES, UNDRIVEN, join
+from servogen.edges import HIGH, LOW, PAIR_NAMES, PAIR_PINS, PIN_NAMES, UNDRIVEN, EdgeChunk, join
 from servogen.pic.image import Image
 from servogen.simulator import LevelChange, Machine, PairedMachine, SimulatorOptions, Stimulus
 from servogen.units import Clock
@@ -41,6 +41,25 @@ class Alarm(Protocol):
         """Do all that is due now."""
 
 
+class Debugger(Protocol):
+    """Something that stops the chip, and takes it back: the chip's machine is run by it."""
+
+    @property
+    def stands(self) -> bool:
+        """Return whether the chip is stopped."""
+
+    def powered(self, chip: VirtualChip) -> None:
+        """Take the chip, which is at power-up."""
+
+    def run(self, cycles: int, *, to_edge: bool) -> EdgeChunk:
+        """Run for `cycles`, or until it stops the chip, or just after an edge."""
+
+    def apply(self, changes: Sequence[LevelChange]) -> None: ...
+
+    def edges(self, begin: int, end: int) -> EdgeChunk:
+        """Return the edges of the cycles from `begin` to `end`, through which it has led the chip."""
+
+
 @dataclass(slots=True)
 class VirtualChip:
     """The chip runs `ppm` millionths faster than its nominal clock."""
@@ -60,6 +79,7 @@ class VirtualChip:
     second: SecondChip | None = None
     """The second one of two chips on one crystal."""
     alarms: list[Alarm] = field(default_factory=list)
+    debugger: Debugger | None = None
     channels: int = 0
     """The levels of the analyser's channels beyond the chip's pins, in the bits above these."""
     _wiring: Wiring = field(default_factory=Wiring)
@@ -91,6 +111,8 @@ class VirtualChip:
             self.machine = Machine(image, self.clock, self.options, self.stimulus)
         else:
             self.machine = self.second.beside(image, self.second.image, self.stimulus)
+        if self.debugger is not None:
+            self.debugger.powered(self)
         self._reset_at = time.monotonic()
         self._origin = self._before
         self._outside = {}
@@ -118,8 +140,19 @@ class VirtualChip:
         """Return the cycles since creation, which a reset does not set back."""
         return self._before + self.machine.cycles
 
+    @property
+    def _stands(self) -> bool:
+        return self.debugger is not None and self.debugger.stands
+
     def due(self, most: int) -> int:
-        """Return how many of `most` cycles may run now, after a short wait if the clock requires it."""
+        """Return how many of `most` cycles may run now, after a short wait if the clock requires it.
+
+        None may while a debugger has stopped the chip; real time is counted anew from then on.
+        """
+        if self._stands:
+            time.sleep(MOMENT_S)
+            self._reset_at, self._origin = time.monotonic(), self.now
+            return 0
         if not self.in_real_time:
             return most
         reached = int(Fraction(time.monotonic() - self._reset_at) * self.cycles_per_second)
@@ -138,6 +171,28 @@ class VirtualChip:
         levels = self._levels(cycles)
         if self.watched:
             self._seen.append(levels)
+
+    def led(self, lead: Callable[[], None], *, in_the_past: bool = False) -> None:
+        """Let a debugger step the chip, and all see its pins as if it had run; or take it back, or look for
+        a moment in the past, while the bench's time stands.
+        """
+        assert self.debugger is not None
+        begin, before = self._here(), int(self.machine.cycles)
+        lead()
+        passed = self.machine.cycles - before
+        if passed < 0 or in_the_past:
+            self._before -= passed
+            self._tell(self._here())
+        elif passed:
+            self._tell(self._with_edges(begin, self.debugger.edges(before, self.machine.cycles)))
+            self._ring()
+
+    def _tell(self, levels: Levels) -> None:
+        """Let those who watch the pins see what a debugger has made of them."""
+        if self.watched:
+            self._seen.append(levels)
+        for listener in self.listeners:
+            listener(levels, self.now)
 
     def forget(self) -> None:
         """Drop the levels that were kept for `look`."""
@@ -199,14 +254,13 @@ class VirtualChip:
                 wanted |= self._wiring.levels(self.machine.levels, self.machine.pull_ups)
             except ShortCircuit:
                 wanted |= dict.fromkeys(self._wiring.connected, LOW)
-        changes = [
-            LevelChange(self.machine.cycles, pin, wanted.get(pin, UNDRIVEN))
-            for pin in sorted({*wanted, *self._outside})
-            if wanted.get(pin, UNDRIVEN) != self._outside.get(pin, UNDRIVEN)
-        ]
-        self._outside = {pin: level for pin, level in wanted.items() if level != UNDRIVEN}
-        if changes:
-            self.machine.apply(changes)
+        outside = {pin: level for pin, level in wanted.items() if level != UNDRIVEN}
+        if outside != self._outside:
+            # All of them: a chip that was taken back has those of then.
+            pins = sorted({*outside, *self._outside})
+            changes = [LevelChange(self.machine.cycles, pin, outside.get(pin, UNDRIVEN)) for pin in pins]
+            (self.debugger or self.machine).apply(changes)
+        self._outside = outside
 
     def _ring(self) -> None:
         """Do what is due now."""
@@ -229,7 +283,7 @@ class VirtualChip:
         end = self.now + cycles
         pieces: list[Levels] = []
         self._ring()
-        while not pieces or self.now < end:
+        while not pieces or (self.now < end and not self._stands):
             due = self._next_alarm()
             goal = end if due is None else min(end, max(due, self.now + 1))
             if self._wiring.wires:
@@ -243,21 +297,30 @@ class VirtualChip:
             listener((cycle, level), self.now)
         return cycle, level
 
+    def _here(self) -> Levels:
+        """Return the levels of this moment."""
+        return np.array([self.now], dtype=np.int64), np.array([self.word], dtype=np.uint32)
+
     def _piece(self, cycles: int) -> Levels:
         """Run the chip while nothing changes outside."""
-        begin = np.array([self.now], dtype=np.int64), np.array([self.word], dtype=np.uint32)
+        begin = self._here()
         if not self._on:
             self._before += cycles
             return begin
-        word, before = int(begin[1][0]), self._before
         if self._wiring.wires:
             return self._to_change(cycles, begin)
-        chunk = join(self.machine.stream(cycles))
+        if self.debugger is not None:
+            return self._with_edges(begin, self.debugger.run(cycles, to_edge=False))
+        return self._with_edges(begin, join(self.machine.stream(cycles)))
+
+    def _with_edges(self, begin: Levels, chunk: EdgeChunk) -> Levels:
+        """Return the levels at the beginning of a run, and from each edge of it on."""
         if not len(chunk.cycle):
             return begin
+        word = int(begin[1][0])
         rest = np.array([self._outside.get(pin) == HIGH for pin in range(PAIR_PINS)])
         highs = np.where(chunk.level == UNDRIVEN, rest[chunk.pin], chunk.level == HIGH)
-        cycle = np.concatenate((begin[0], chunk.cycle + before))
+        cycle = np.concatenate((begin[0], chunk.cycle + self._before))
         level = np.full(len(cycle), word & ~sum(1 << pin for pin in self._pins), dtype=np.uint32)
         for pin in self._pins:
             # For each row the row of this pin's latest change, 0 for the level at the beginning: the level
@@ -272,7 +335,10 @@ class VirtualChip:
 
     def _to_change(self, cycles: int, begin: Levels) -> Levels:
         """Run the chip to the first change of its pins, which what is connected to them follows."""
-        chunk = self.machine.run_to_change(cycles)
+        if self.debugger is None:
+            chunk = self.machine.run_to_change(cycles)
+        else:
+            chunk = self.debugger.run(cycles, to_edge=True)
         if not len(chunk.cycle):
             return begin
         now = np.array([chunk.cycle[-1] + self._before], dtype=np.int64)

@@ -16,6 +16,7 @@ from servogen.bench.inputs.wiring import InputWiring, input_wiring
 from servogen.bench.virtual.analyser import AnalyserOptions, VirtualAnalyser
 from servogen.bench.virtual.board import BoardOptions, VirtualBoard
 from servogen.bench.virtual.chip import SecondChip, VirtualChip
+from servogen.bench.virtual.debugger import VirtualDebugger
 from servogen.bench.virtual.k150 import ProgrammerOptions, VirtualProgrammer
 from servogen.bench.virtual.serial_line import LineReceiver, LineStimulus, SerialLine
 from servogen.bench.virtual.terminals import TerminalDevice, Terminals, terminals
@@ -94,11 +95,13 @@ def rig(
     options: RigOptions,
     held: Mapping[int, int] = MappingProxyType({}),
     second: SecondChip | None = None,
+    debugger: VirtualDebugger | None = None,
 ) -> Iterator[Terminals]:
     """Yield the bench with `image` on its chip; `paths` has "programmer", "analyser", "inputs", "serial".
 
     With a `second` chip there is also "programmer2", and the analyser has the pins of both. `held` has the
-    levels at which the board holds pins that the program reads, by the pins' numbers.
+    levels at which the board holds pins that the program reads, by the pins' numbers. A `debugger` works as
+    long as the bench is served.
     """
     stimulus = LineStimulus(options.serial_pin, options.baud, options.inverted, held)
     chip = VirtualChip(
@@ -109,6 +112,7 @@ def rig(
         stimulus=stimulus,
         in_real_time=options.real_time,
         second=second,
+        debugger=debugger,
     )
     devices: dict[str, TerminalDevice] = {
         "programmer": VirtualProgrammer(chip, options.programmer),
@@ -119,7 +123,7 @@ def rig(
     if second is not None:
         devices["programmer2"] = VirtualProgrammer(second, options.programmer)
     chip.run(int(SETTLED_S * chip.cycles_per_second))
-    with terminals(devices) as opened:
+    with terminals(devices, debugger) as opened:
         yield opened
 
 

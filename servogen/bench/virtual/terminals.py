@@ -39,7 +39,16 @@ EVENT = struct.Struct("iIII")
 EVENTS_BYTES = 4096
 
 
-class TerminalDevice(Protocol):
+class Worker(Protocol):
+    """What has its turn again and again, while it is `working`."""
+
+    @property
+    def working(self) -> bool: ...
+
+    def work(self) -> None: ...
+
+
+class TerminalDevice(Worker, Protocol):
     """What is behind a port. `gone`: unplugged as soon as all of `outgoing` is sent. `reset`: it was reset,
     so that what it sent before and nobody has read is dropped.
     """
@@ -48,12 +57,7 @@ class TerminalDevice(Protocol):
     gone: bool
     reset: bool
 
-    @property
-    def working(self) -> bool: ...
-
     def received(self, data: bytes) -> None: ...
-
-    def work(self) -> None: ...
 
 
 @runtime_checkable
@@ -130,7 +134,9 @@ class Openings:
 class Terminals:
     """Open pseudo-terminals; `paths` by the devices' names. Raises ToolError on systems without them."""
 
-    def __init__(self, devices: Mapping[str, TerminalDevice]) -> None:
+    def __init__(self, devices: Mapping[str, TerminalDevice], beside: Worker | None = None) -> None:
+        """Open a terminal for each device; what is `beside` them has its turn, too."""
+        self._beside = beside
         if os.name != "posix":
             raise ToolError(
                 "tool-missing",
@@ -163,7 +169,8 @@ class Terminals:
     def _turn(self) -> None:
         masters = {terminal.master: terminal for terminal in self._open.values()}
         sending = [fd for fd, terminal in masters.items() if terminal.device.outgoing]
-        busy = any(terminal.device.working for terminal in masters.values())
+        beside = self._beside if self._beside is not None and self._beside.working else None
+        busy = beside is not None or any(terminal.device.working for terminal in masters.values())
         openings = [] if self._openings.handle is None else [self._openings.handle]
         readable, writable, _ = select.select([*masters, *openings], sending, (), 0 if busy else POLL_S)
         self._restart(readable)
@@ -172,6 +179,8 @@ class Terminals:
                 _receive(masters[fd])
         for fd in writable:
             _send(masters[fd])
+        if beside is not None:
+            beside.work()
         for name, terminal in list(self._open.items()):
             if terminal.device.working:
                 terminal.device.work()
@@ -199,9 +208,9 @@ class Terminals:
 
 
 @contextmanager
-def terminals(devices: Mapping[str, TerminalDevice]) -> Iterator[Terminals]:
-    """Yield terminals that are closed when the block ends."""
-    opened = Terminals(devices)
+def terminals(devices: Mapping[str, TerminalDevice], beside: Worker | None = None) -> Iterator[Terminals]:
+    """Yield terminals that are closed when the block ends; see `Terminals`."""
+    opened = Terminals(devices, beside)
     try:
         yield opened
     finally:
