@@ -88,6 +88,70 @@ def test_the_words_are_those_of_the_same_program_for_mpasm() -> None:
     assert [each.code for each in ours.warnings] == ["asm-no-destination"]
 
 
+REPEATED = """\
+#include <xc.inc>
+#define TURNS 2
+        PSECT   code, abs
+twice   MACRO   what
+        REPT    TURNS
+        LOCAL   on
+        irp     file, 0x0C, 0x0D
+        what    file, f
+        ENDM
+        goto    on
+on:
+        ENDM
+        ENDM
+        twice   incf
+        IRPC    digit, 17
+        movlw   0&digit&h & 0Fh
+        ENDM
+        REPT    0
+        nop
+        ENDM
+"""
+BY_HAND = """\
+        list p=16f84a
+        incf 0x0C, f
+        incf 0x0D, f
+        goto $ + 1
+        incf 0x0C, f
+        incf 0x0D, f
+        goto $ + 1
+        movlw 1
+        movlw 7
+        end
+"""
+
+
+def test_rept_irp_and_irpc_are_their_lines_written_again_with_labels_of_their_own() -> None:
+    assert assemble(REPEATED).image == assemble(BY_HAND).image
+
+
+@pytest.mark.parametrize(("case", "word"), [(1, 0x3001), (2, 0x3002), (3, 0x3003), (4, 0x3004)])
+def test_of_if_elsif_and_else_the_first_that_holds_is_assembled(case: int, word: int) -> None:
+    lines = ("if KIND == 1", "elsif KIND le 2 and KIND ge 2", "ELSIF KIND < 4", "else")
+    body = "".join(f" {line}\n movlw {number}\n" for number, line in enumerate(lines, 1))
+    head = f"#include <xc.inc>\n#define KIND {case}\n psect code,abs\n"
+    nested = " if 0\n if 1\n nop\n elsif 1\n nop\n endif\n elsif 0\n nop\n endif\n"
+    assert assemble(f"{head}{body} endif\n{nested} end\n").image.program == {0: word}
+    with pytest.raises(InputError, match=r"ELSIF without IF, or behind ELSE"):
+        assemble(f"{head}{body} ELSIF 1\n endif\n end\n")
+
+
+def test_what_repeats_without_end_or_lines_is_refused_and_an_error_says_in_which_turn() -> None:
+    head = "#include <xc.inc>\n psect code,abs\n"
+    for text, said in (
+        (" rept 8000\n rept 8000\n rept 8000\n endm\n endm\n endm\n", "a macro, a WHILE"),
+        (" rept -1\n nop\n endm\n", "REPT of -1"),
+        (" irp 7, a, b\n nop\n endm\n", "'7' is not a name"),
+        (" rept 2\n nop\n", "REPT without ENDM"),
+        (" irp x, 12, y\n movlw x\n endm\n", "with 'y' for 'x' of irp at source.asm:3"),
+    ):
+        with pytest.raises(InputError, match=said):
+            assemble(f"{head}{text} end\n")
+
+
 def test_an_error_has_its_line_and_column_below_comments_of_c() -> None:
     with pytest.raises(InputError) as refused:
         assemble(PIC_AS.replace("movlw   10\n", "movlw   ten\n"))

@@ -71,13 +71,16 @@ class LineReader:
         return self._lines[self._index - 1]
 
     def block(self, begin: str, end: str, opened: Statement) -> list[SourceLine]:
-        """Return the lines up to the matching `end`, which is consumed; blocks of the same kind nest."""
+        """Return the lines up to the matching `end`, which is consumed; blocks of the same kind nest.
+
+        `begin` is a pattern of the words that open one.
+        """
         taken: list[SourceLine] = []
         depth = 1
         pattern = re.compile(rf"(?:[^\s;\"']+\s+|\s+)?({begin}|{end})\b(?!\s*[:=])", re.IGNORECASE)
         while (line := self.next()) is not None:
             if bracket := pattern.match(line.text.chars):
-                depth += 1 if bracket[1].lower() == begin else -1
+                depth += -1 if bracket[1].lower() == end else 1
                 if depth == 0:
                     return taken
             taken.append(line)

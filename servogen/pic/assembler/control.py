@@ -120,8 +120,7 @@ def _while(state: Pass, statement: Statement) -> None:
 
 
 def _macro(state: Pass, statement: Statement) -> None:
-    body = state.readers[-1].block("macro", "endm", statement)
-    state.spend(len(body))
+    body = state.macro_body(statement)
     if statement.label is None:
         raise SourceError("asm-missing-name", "MACRO needs a name in front of it", statement.column)
     if statement.label in state.macros:

@@ -14,8 +14,9 @@ from servogen.pic.assembler.messages import SourceError
 from servogen.pic.assembler.sections import Kind
 from servogen.pic.assembler.settings import SETTINGS
 from servogen.pic.assembler.source import Statement
+from servogen.pic.assembler.source import statement as parsed
 from servogen.pic.assembler.state import Directive, Pass
-from servogen.pic.assembler.text import Text
+from servogen.pic.assembler.text import IDENTIFIER, Text
 
 _INCLUDES = re.compile(r"^[ \t]*#?include[ \t]+[<\"]xc\.inc[>\"]", re.IGNORECASE | re.MULTILINE)
 _COMMENT = re.compile(
@@ -118,6 +119,40 @@ def _ds(state: Pass, statement: Statement) -> None:
     reserve(state, statement, statement.label or state.lone_label)
 
 
+def _rept(state: Pass, statement: Statement) -> None:
+    """Repeat the lines up to ENDM as often as its operand says."""
+    body = state.macro_body(statement)
+    for turn in range(1, 1 + counted(state.one(statement), statement)):
+        state.spend()
+        state.expand(body, {}, f"in turn {turn} of REPT at", statement)
+
+
+def _irp(state: Pass, statement: Statement) -> None:
+    """Repeat the lines up to ENDM with a name for each text of a list, or, IRPC, each character of one."""
+    body = state.macro_body(statement)
+    name, *values = (part.chars for part in statement.rest.split(","))
+    if not IDENTIFIER.fullmatch(name):
+        raise SourceError(
+            "asm-bad-argument", f"'{name}' is not a name for a parameter", statement.rest.column(0)
+        )
+    for value in values if statement.operation == "irp" else "".join(values[:1]):
+        state.spend()
+        state.expand(body, {name: value}, f"with '{value}' for '{name}' of {statement.word} at", statement)
+
+
+def _elsif(state: Pass, statement: Statement) -> None:
+    """Go on with another condition where none before it held."""
+    if not state.conditions or state.conditions[-1].seen_else:
+        raise SourceError(
+            "asm-unexpected-directive", f"{statement.word} without IF, or behind ELSE", statement.column
+        )
+    condition = state.conditions[-1]
+    condition.active = False  # also after an error
+    if not condition.taken:
+        asked = parsed(state.substituted(statement.line), state)  # in lines that are left out it is not yet
+        condition.active = condition.taken = state.one(asked) != 0
+
+
 _nothing = SETTINGS["page"]
 
 PIC_AS: dict[str, Directive] = {
@@ -126,6 +161,9 @@ PIC_AS: dict[str, Directive] = {
     "ds": _ds,
     "db": LAYOUT["de"],  # one byte in each word
     "extrn": LAYOUT["extern"],
+    "rept": _rept,
+    **dict.fromkeys(("irp", "irpc"), _irp),
+    **dict.fromkeys(("elsif", "#elif"), _elsif),
     **dict.fromkeys(("pagewidth", "xref", "signat", "fncall", "fnroot", "fnsize", "fnarg"), _nothing),
 }
 """The directives that MPASM does not have, or has with another meaning."""

@@ -7,7 +7,7 @@ diagnostics in `Log` and the listing's rows. The directives themselves are table
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 
@@ -209,7 +209,7 @@ class Pass:
             self._statement(statement(self.substituted(line), self))
             return
         parsed = statement(line, self)
-        if parsed.operation in CONDITIONAL:
+        if parsed.operation in CONDITIONAL and parsed.operation in self.directives:
             self.directives[parsed.operation](self, parsed)
         # In lines that are left out only conditions are read, so that each ENDIF finds its IF.
         elif parsed.operation in ELSE_IF and all(condition.active for condition in self.conditions[:-1]):
@@ -241,7 +241,7 @@ class Pass:
                     statement.line,
                     statement.label_column,
                 )
-            if operation in CONDITIONAL:
+            if operation in CONDITIONAL and operation in self.directives:
                 raise SourceError(
                     "asm-label", f"a label cannot stand before {operation.upper()}", statement.label_column
                 )
@@ -331,12 +331,28 @@ class Pass:
                 statement.column,
             )
         values = dict(zip(macro.parameters, arguments, strict=True))
-        note = f"in macro '{macro.name}', called at {statement.line.file}:{statement.line.number}"
-        within = (note, *statement.line.within)
+        self.expand(macro.body, values, f"in macro '{macro.name}', called at", statement)
+
+    def macro_body(self, statement: Statement) -> list[SourceLine]:
+        """Return the lines up to the ENDM of a macro, or of what else ends with one."""
+        body = self.readers[-1].block("macro|rept|irpc?" if self.pic_as else "macro", "endm", statement)
+        self.spend(len(body))
+        return body
+
+    def expand(
+        self, body: Sequence[SourceLine], values: Mapping[str, str], what: str, statement: Statement
+    ) -> None:
+        """Process the lines of a macro, with `values` for its parameters and local names of their own."""
+        within = (f"{what} {statement.line.file}:{statement.line.number}", *statement.line.within)
         opened = len(self.conditions)
         self.symbols.enter()
         try:
-            self.run([replace(row, text=parameters(row.text, values), within=within) for row in macro.body])
+            self.run(
+                [
+                    replace(row, text=parameters(row.text, values, joined=self.pic_as), within=within)
+                    for row in body
+                ]
+            )
         except ExitMacro:
             del self.conditions[opened:]
         finally:
@@ -444,8 +460,8 @@ class Pass:
 
 
 _CONDITIONS = ("if", "ifdef", "ifndef", "else", "endif")
-CONDITIONAL = frozenset(mark + name for mark in ("", "#") for name in _CONDITIONS)
-"""The directives that count in the lines of an IF that does not hold."""
+CONDITIONAL = frozenset((*(mark + name for mark in ("", "#") for name in _CONDITIONS), "elsif", "#elif"))
+"""The directives that count in the lines of an IF that does not hold; the last two are pic-as's."""
 
 ELSE_IF = frozenset(mark + name for mark in ("", "#") for name in ("elif", "elifdef", "elifndef"))
 """What sources take for directives: gpasm 1.4 leaves them out where an IF does not hold, like any

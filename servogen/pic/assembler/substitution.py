@@ -81,12 +81,17 @@ def _next_name(
     return None
 
 
-def parameters(text: Text, values: Mapping[str, str]) -> Text:
-    """Return the text with the names of parameters replaced by their arguments."""
+def parameters(text: Text, values: Mapping[str, str], *, joined: bool = False) -> Text:
+    """Return the text with the names of parameters replaced by their arguments; if `joined`, a `&` between
+    one and what it touches joins them.
+    """
     index = 0
     while span := _next_name(text, index, values):
         start, end = span
         value = values[text.chars[start:end]]
+        if joined:
+            start -= text.chars[:start].endswith("&") and not text.chars[: start - 1].endswith((" ", "\t"))
+            end += bool(re.match(r"&\S", text.chars[end:]))
         text = text.replace(start, end, value)
         index = start + len(value)
     return text
