@@ -103,6 +103,11 @@ on:
         ENDM
         ENDM
         twice   incf
+        IRPC    sign, A 1
+        if      'sign' <> ' '
+        addlw   'sign'
+        endif
+        ENDM
         IRPC    digit, 17
         movlw   0&digit&h & 0Fh
         ENDM
@@ -118,6 +123,8 @@ BY_HAND = """\
         incf 0x0C, f
         incf 0x0D, f
         goto $ + 1
+        addlw 'A'
+        addlw '1'
         movlw 1
         movlw 7
         end

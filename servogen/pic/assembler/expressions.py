@@ -121,6 +121,7 @@ BINARY: Mapping[str, tuple[int, Callable[[int, int], int]]] = {
     ">=": (4, lambda left, right: int(left >= right)),
     "==": (4, lambda left, right: int(left == right)),
     "!=": (4, lambda left, right: int(left != right)),
+    "<>": (4, lambda left, right: int(left != right)),  # pic-as's
     "&": (3, operator.and_),
     "|": (3, operator.or_),
     "^": (3, operator.xor),

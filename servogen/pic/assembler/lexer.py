@@ -24,7 +24,7 @@ class Token:
     value: int = 0
 
 
-_OPERATOR = re.compile(r"<<|>>|>=|<=|==|!=|&&|\|\||[-+*/%&|^~!<>=()\[\],:$]")
+_OPERATOR = re.compile(r"<<|>>|>=|<=|<>|==|!=|&&|\|\||[-+*/%&|^~!<>=()\[\],:$]")
 _QUOTED_NUMBER = re.compile(r"([bodhqBODHQ])'(-?[0-9A-Za-z]+)'")
 _CHARACTER = re.compile(r"[aA]?'(\\x[0-9A-Fa-f]{2}|\\[0-7]{3}|\\.|[^'])'")
 _STRING = re.compile(r'"((?:\\.|[^"\\])*)(?:"|$)')

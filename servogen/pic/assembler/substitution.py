@@ -82,10 +82,13 @@ def _next_name(
 
 
 def parameters(text: Text, values: Mapping[str, str], *, joined: bool = False) -> Text:
-    """Return the text with the names of parameters replaced by their arguments; if `joined`, a `&` between
-    one and what it touches joins them.
+    """Return the text with the names of parameters replaced by their arguments; if `joined`, as pic-as does:
+    a `&` between one and what it touches joins them, and 'name' is its character.
     """
     index = 0
+    for quoted in reversed(list(_QUOTED_NAME.finditer(text.chars)) if joined else []):
+        if quoted[1] in values:
+            text = text.replace(*quoted.span(), f"'{values[quoted[1]]}'")
     while span := _next_name(text, index, values):
         start, end = span
         value = values[text.chars[start:end]]
@@ -124,6 +127,7 @@ def _arguments(text: Text, index: int, count: int) -> tuple[list[str] | None, in
     return pieces, end
 
 
+_QUOTED_NAME = re.compile(r"'&?(\w{2,})'")
 _OPENED = re.compile(r"\s*\(")
 _DEFINES = re.compile(r"\s*#define\b", re.IGNORECASE)
 _PASTE = re.compile(r"#[vV]\(")
