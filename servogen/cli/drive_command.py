@@ -17,7 +17,6 @@ from servogen.cli.drive_line import (
     command_source,
     was_interrupted,
 )
-from servogen.cli.drive_on_command import drive_on_command
 from servogen.cli.options import JobFile, Json, duration
 from servogen.cli.show import as_json, json_line, warn
 from servogen.drive.controller import ServoController, controller_of
@@ -98,6 +97,8 @@ def drive(job: JobFile, wire: WireOptions, request: DriveOptions, json: Json = F
     loaded = plan_job(load(job))
     if loaded.directions:
         _check_walk_on_command(loaded, wire, request)
+        from servogen.cli.drive_on_command import drive_on_command  # loads the compiler: for these jobs only
+
         drive_on_command(loaded, wire, request.seconds, json)
         return
     speed, controller = controller_of(loaded, wire.baud, wire.range_us, wire.first)

@@ -40,8 +40,6 @@ from servogen.grade.submissions import Submissions
 from servogen.isolation import COMPILING, missing_limits
 from servogen.outputs import make_folder, write_text
 from servogen.programs import HEX_SUFFIXES, PROGRAM_SUFFIXES, read_submission
-from servogen.watch.graded import class_pages, class_rooms
-from servogen.watch.server import WatchServer
 from servogen.workflows.films import class_page, film_name, film_page, watch_command
 from servogen.workflows.grading import Graded, GradingTask, copies, grade_submissions
 
@@ -264,6 +262,9 @@ def _search(files: Sequence[Path], level: int, lab: Lab, outputs: GradeFiles) ->
 
 def _serve(task: GradingTask, names: Sequence[str], graded: Sequence[Graded], browsing: Browsing) -> None:
     """Serve the class's pages until Ctrl-C."""
+    from servogen.watch.graded import class_pages, class_rooms  # with the server, twins and provers
+    from servogen.watch.server import WatchServer
+
     server = WatchServer(class_rooms(task, graded), class_pages(task, names, graded))
     serve_until_ctrl_c(server, task.lab.name, browsing.port, browsing.browser)
 

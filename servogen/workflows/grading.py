@@ -352,6 +352,8 @@ def _in_forks(
     submissions: Sequence[Submission], task: GradingTask, at_once: int
 ) -> Iterator[tuple[int, Graded]]:
     """Compile all, then run those that compile, each program in its own process; yield (index, grade)."""
+    import servogen.compiler  # noqa: F401 - once, here, and not in each of the processes
+
     compiled: dict[int, Compiled] = {}
     works = [partial(_compile, task.read, submission) for submission in submissions]
     for index, result in run_each(works, task.compiling, at_once):
