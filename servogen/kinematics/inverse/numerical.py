@@ -35,6 +35,8 @@ BEND = 0.1
 """The part of a step at which its curvature is measured."""
 BENT = 1e-5
 """Half of the radians or metres over which the curvature of a distance is measured."""
+STILL = 1e-10
+"""A step shorter than this (radians, metres) is the last: Newton's next one would be rounding."""
 ROUND, ROUNDS = 128, 8
 """The random starts in which a new solution is looked for, and the maximum number of such rounds."""
 MOST = 16
@@ -306,6 +308,8 @@ def nearest(arm: Arm, q: Floats, position: Floats) -> Floats:
         along = np.einsum("ijk,ij->ik", axes, np.where(stuck, 0.0, gradient))
         step = -np.einsum("ijk,ik->ij", axes, along / (np.abs(values) + damping[:, None]))
         trial = np.clip(q + np.where(stuck, 0.0, step), lower, upper)
+        if np.abs(trial - q).max() < STILL:
+            break
         new_cost, new_gradient = slope(trial)
         good = new_cost < cost
         q[good], cost[good], gradient[good] = trial[good], new_cost[good], new_gradient[good]

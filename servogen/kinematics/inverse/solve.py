@@ -331,8 +331,8 @@ def nearest_point(arm: Arm, position: ArrayLike) -> tuple[float, ...]:
     target = np.asarray(position, float)
     # A descent can end at a local minimum, so the best of many starts is taken.
     starts = np.vstack([arm.home, _spread(arm, 47)])
-    approached = numerical.search(arm, np.broadcast_to(target, (len(starts), 3)), None, starts, starts=1)
-    points = fk_position(arm, numerical.nearest(arm, approached.q, target))
+    approached = numerical.improved(arm, starts, np.broadcast_to(target, (len(starts), 3)), None)
+    points = fk_position(arm, numerical.nearest(arm, approached, target))
     best = points[int(np.argmin(np.linalg.norm(points - target, axis=1)))]
     return tuple(float(value) for value in best)
 
