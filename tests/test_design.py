@@ -203,6 +203,8 @@ def test_a_command_is_parse_call_and_show() -> None:
 
 
 IMPORTED_WHEN_NEEDED = {
+    "drive_command.py": 1,  # only a walk on command needs its chip, and with it the compiler
+    "grade_commands.py": 2,  # the server, twins and provers, where a class is watched
     "main.py": 1,  # the version is printed without typer
     "files.py": 3,  # a HEX file is simulated without the compiler and the engines
     "job_commands.py": 1,  # a job of one chip is checked without the simulator, which plans two

@@ -27,6 +27,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+import servogen.compiler  # noqa: F401 - so that it is not loaded in the process of each program
 from servogen.edges import PINS, EdgeChunk, EdgeTrace
 from servogen.errors import Diagnostic, InputError, ServogenError, ToolError
 from servogen.grade import (
@@ -352,8 +353,6 @@ def _in_forks(
     submissions: Sequence[Submission], task: GradingTask, at_once: int
 ) -> Iterator[tuple[int, Graded]]:
     """Compile all, then run those that compile, each program in its own process; yield (index, grade)."""
-    import servogen.compiler  # noqa: F401 - once, here, and not in each of the processes
-
     compiled: dict[int, Compiled] = {}
     works = [partial(_compile, task.read, submission) for submission in submissions]
     for index, result in run_each(works, task.compiling, at_once):
