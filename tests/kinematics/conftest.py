@@ -20,7 +20,7 @@ def any_arm(request: pytest.FixtureRequest) -> Arm:
     return arm(request.param)
 
 
-@pytest.fixture(params=sampled(ARMS, 4))
+@pytest.fixture(params=sampled(ARMS, 2))
 def sampled_arm(request: pytest.FixtureRequest) -> Arm:
     """Some arms of the catalogue, and each of them in a campaign."""
     return arm(request.param)

@@ -44,7 +44,7 @@ def test_every_solution_has_the_vector_and_the_asked_positions_are_among_them(na
         assert np.abs(solutions - q).max(axis=1).min() < 1e-5
 
 
-@pytest.mark.parametrize("name", sampled(WITH_ROLL, 2))
+@pytest.mark.parametrize("name", sampled(WITH_ROLL))
 def test_a_vector_typed_with_four_digits_is_found(name, configurations) -> None:
     found = arm(name)
     for q in configurations(found, 3):

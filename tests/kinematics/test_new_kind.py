@@ -260,6 +260,7 @@ def test_a_dog_walks_sideways_and_its_feet_do_not_slip(folder: Path) -> None:
         assert np.diff(y)[standing] == pytest.approx(np.full(standing.sum(), -0.3), abs=1e-3)
 
 
+@pytest.mark.campaign
 def test_a_dogs_walk_is_filmed(folder: Path) -> None:
     (folder / "quick.toml").write_text(DOG_JOB.replace("cycle_s = 2", "cycle_s = 0.4"))
     ran(folder, "plan", "quick.toml", "--animate", "dog.gif")

@@ -1,12 +1,11 @@
-"""The ten examples of docs/testing-firmware.md on a bench: each program on the virtual chip, acted upon by an
-emulated Firmata board and seen by a SUMP analyser, both on pseudo-terminals.
+"""Examples of docs/testing-firmware.md on a bench: programs on the virtual chip, acted upon by an emulated
+Firmata board and seen by a SUMP analyser, both on pseudo-terminals. `python -m tests.testing.page` runs all.
 """
 
 from __future__ import annotations
 
 import re
 from fractions import Fraction
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -21,14 +20,13 @@ from servogen.bench.virtual.board import BoardOptions, VirtualBoard
 from servogen.bench.virtual.chip import VirtualChip
 from servogen.programs import clock_of, read_program
 from tests.bench.conftest import Serve, serve  # noqa: F401 - a fixture
-from tests.campaigns import sampled
-from tests.testing.page import INPUTS, PROGRAMS, TESTS, bench_options, rig, write
+from tests.testing.page import INPUTS, PROGRAMS, TESTS, write
 from tests.testing.test_page import BROKEN, number_of_tests, run
 
 pytest_plugins = ["pytester"]
 
-INSIDE = {"eeprom_counter": 1, "watchdog": 1, "sleep": 1, "interrupt": 1}
-"""How many tests of an example look into the chip, or need a programmer, and are skipped on the bench."""
+INSIDE = {"sleep": 1}
+"""How many tests of an example look into the chip, and are skipped on the bench."""
 
 
 def bench_of(
@@ -49,7 +47,7 @@ def bench_of(
     )
 
 
-@pytest.mark.parametrize("name", sampled([name.removesuffix(".c") for name in PROGRAMS], 3))
+@pytest.mark.parametrize("name", ["debounce", "seven_segments", "sleep"])
 def test_an_example_runs_on_the_bench(name: str, pytester: pytest.Pytester, serve: Serve) -> None:  # noqa: F811
     write(pytester.path, PROGRAMS, {f"test_{name}.py": TESTS[f"test_{name}.py"]})
     result = run(pytester, *bench_of(serve, pytester.path / f"{name}.c"))
@@ -88,16 +86,6 @@ def test_an_input_that_comes_late_is_an_error_not_a_verdict(
     result = run(pytester, *options)
     result.assert_outcomes(failed=1)
     result.stdout.fnmatch_lines(["*RB0 did not become 0 at * ms of the run, nor within 3 ms of it*"])
-
-
-@pytest.mark.campaign
-@pytest.mark.skipif(not find_spec("picpro"), reason="picpro is not installed: pip install picpro")
-def test_the_programmer_reads_the_eeprom_that_the_program_wrote(pytester: pytest.Pytester) -> None:
-    """On `servogen rig`: the program is put onto the chip, runs three times, and its EEPROM is read back."""
-    name = "eeprom_counter"
-    write(pytester.path, PROGRAMS, {f"test_{name}.py": TESTS[f"test_{name}.py"]})
-    with rig() as bench:
-        run(pytester, *bench_options(bench)).assert_outcomes(passed=1)
 
 
 def test_the_stimulus_of_a_capture_is_played(pytester: pytest.Pytester, serve: Serve) -> None:  # noqa: F811

@@ -24,6 +24,7 @@ def test_the_ripple_at_110_mm_goes_95_to_102_percent_of_its_way() -> None:
     assert 0.95 <= share_of_way(True) <= 1.02
 
 
+@pytest.mark.campaign
 def test_without_compensation_it_falls_short() -> None:
     assert share_of_way(False) < 0.94
 

@@ -13,7 +13,7 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the twin's physics needs MuJoCo: pip install 'servogen[twin]'")
 
-from tests.twin.walking import AHEAD, SUPPLIED, text_of, walking
+from tests.twin.walking import AHEAD, SUPPLIED, text_of, walking, went_ahead
 
 pytest_plugins = ["pytester"]
 
@@ -111,7 +111,7 @@ def test_the_page_shows_the_twin() -> None:
     from servogen.twin.pictures import page_facts
 
     made = walking(AHEAD, extra=SUPPLIED)
-    facts = page_facts(made.twin())
+    facts = page_facts(went_ahead())
     html = html_page(PageFacts(made.found.job, made.found.plan, (), twin=facts))
     assert '<h2 id="twin">' in html and "height of the feet" in html and "0.64 kg (its file" in html
     assert '<h2 id="twin">' not in html_page(PageFacts(made.found.job, made.found.plan, ()))
@@ -121,7 +121,7 @@ def test_the_film_shows_the_legs_where_the_bodies_are() -> None:
     """The thigh of each leg is as long as the robot's file says, in every picture."""
     from servogen.twin.pictures import MAX_PICTURES, twin_scene
 
-    verdict = walking(AHEAD, extra=SUPPLIED).twin()
+    verdict = went_ahead()
     scene = twin_scene(verdict, "walk")
     assert len(scene.parts) == 1 + 6 and scene.count <= MAX_PICTURES
     assert scene.count * scene.picture_s == pytest.approx(verdict.record.time[-1], abs=0.1)
@@ -138,7 +138,7 @@ def test_an_mp4_plays_as_long_as_the_run(tmp_path: Path) -> None:
     from servogen.report.film import film
     from servogen.twin.pictures import twin_scene
 
-    scene = twin_scene(walking(AHEAD, extra=SUPPLIED).twin(), "walk")
+    scene = twin_scene(went_ahead(), "walk")
     shown = slice(None, None, scene.count // 5)
     parts = tuple(replace(part, frames=part.frames[shown]) for part in scene.parts)
     short = replace(scene, parts=parts, picture_s=0.2)

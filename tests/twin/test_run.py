@@ -14,12 +14,12 @@ from servogen.twin import Ground, TwinSettings, TwinVerdict
 from servogen.twin.causes import EventKind
 from servogen.twin.world import World
 from tests.campaigns import sampled
-from tests.twin.walking import AHEAD, SUPPLIED, walking
+from tests.twin.walking import AHEAD, SUPPLIED, walking, went_ahead
 
 
 @pytest.fixture(scope="module")
 def ahead() -> TwinVerdict:
-    return walking(AHEAD, extra=SUPPLIED).twin()
+    return went_ahead()
 
 
 def test_the_tripod_goes_95_to_102_percent_of_its_way(ahead: TwinVerdict) -> None:

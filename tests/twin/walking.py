@@ -84,6 +84,12 @@ TURN = "{ turn_deg = 20, cycles = 9 }"
 CURVE = "{ forward_mm = 30, turn_deg = 10, cycles = 9 }"
 
 
+@cache
+def went_ahead() -> TwinVerdict:
+    """Return what a supplied robot does that walks `AHEAD`."""
+    return walking(AHEAD, extra=SUPPLIED).twin()
+
+
 def rigid_end(verdict: TwinVerdict) -> tuple[float, float, float]:
     """Return x, y and yaw to which rigid legs with the joint angles of the physics would take the body."""
     rig, record = verdict.record.rig, verdict.record

@@ -116,6 +116,7 @@ def test_measure_runs_the_chip_that_is_asked_for(
     assert pin["period_cycles"] == period_us  # at 4 MHz a cycle is a microsecond
 
 
+@pytest.mark.campaign
 def test_plot_draws_the_chip_that_is_asked_for(run: Run, tmp_path: Path) -> None:  # noqa: F811
     """Pictures of different pulses differ, and the same pulses give the same file."""
 

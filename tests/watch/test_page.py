@@ -18,7 +18,6 @@ from servogen.programs import JOB_SUFFIX, read_schedule
 from servogen.watch.differences import ScheduledEdges
 from servogen.watch.editing import Editor
 from servogen.watch.subject import Setting, load_subject
-from tests.campaigns import sampled
 from tests.watch.browser import Browser, Page, needs_axe, violations
 from tests.watch.serving import Running
 from tests.watch.test_session import captured, walk_capture  # noqa: F401 - a fixture
@@ -208,6 +207,7 @@ def stance_pixels(page: Page) -> int:
     )
 
 
+@pytest.mark.campaign
 def test_captured_pulses_move_the_robot_beside_the_plan(watch: Open, walk_capture: Path) -> None:  # noqa: F811
     """The capture lifts L1 by 100 µs more than the plan: 100 µs of the mpx-tiny-s."""
     page = watch(walk_capture, ROOT / "jobs" / "hexapod-tripod.toml")
@@ -284,6 +284,7 @@ def drag(page: Page, selector: str, to: str, by: float = 0) -> None:
     page.call("Input.dispatchMouseEvent", type="mouseReleased", x=end + by, y=y, button="left", clickCount=1)
 
 
+@pytest.mark.campaign
 def test_poses_are_dragged_on_a_timeline_by_mouse_and_keyboard(watch: Open, tmp_path: Path) -> None:
     job = copy(LAB8, tmp_path)
     page = watch(job)
@@ -321,6 +322,7 @@ def test_poses_are_dragged_on_a_timeline_by_mouse_and_keyboard(watch: Open, tmp_
     assert written.replace(wanted, "") == re.sub(r"    \{ arm_deg.*\n", "", LAB8.read_text())
 
 
+@pytest.mark.campaign
 def test_a_slider_moves_the_simulated_chip_of_a_stream_job(watch: Open) -> None:
     page = watch(ROOT / "jobs" / "stream-arm.toml")
     go(page, 500_000)
@@ -409,6 +411,7 @@ def test_bodies_follow_the_chip_forwards_backwards_and_into_its_emergency_stop(
     page.until("document.getElementById('twin-text').textContent === '' && !watched.robot.bodies")
 
 
+@pytest.mark.campaign
 def test_without_mujoco_the_page_says_what_to_install(watch: Open, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mujoco", None)
     page = watch(ROOT / "jobs" / "hexapod-tripod.toml")
@@ -444,6 +447,7 @@ def cells(page: Page, table: str) -> dict[str, str]:
     return dict(page.run(rows))
 
 
+@pytest.mark.campaign
 def test_the_chip_is_shown_at_the_moment(watch: Open, tmp_path: Path) -> None:
     """Values of the source, as the data sheet names their places (DS35007, sections 2 to 5)."""
     program = tmp_path / "shown.c"
@@ -529,6 +533,7 @@ def luminance(colour: str) -> float:
     return float(np.dot(linear, (0.2126, 0.7152, 0.0722)))
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("dark", [False, True])
 def test_text_is_legible_on_a_light_and_on_a_dark_page(watch: Open, dark: bool) -> None:
     """WCAG 2.2, 1.4.3: a contrast of 4.5 at least."""
@@ -546,6 +551,7 @@ def test_text_is_legible_on_a_light_and_on_a_dark_page(watch: Open, dark: bool) 
         assert (bright + 0.05) / (dim + 0.05) >= 4.5, (one, other)
 
 
+@pytest.mark.campaign
 def test_a_window_keeps_its_place_when_it_is_loaded_again(watch: Open) -> None:
     page = watch(ROOT / "firmware" / "lab8-exercise" / "main.hex")
     go(page, 77_000)
@@ -589,7 +595,8 @@ def test_the_keyboard_alone_suffices(watch: Open) -> None:
     ]
 
 
-@pytest.mark.parametrize("job", sampled(["lab8-exercise", "hexapod-tripod"]))
+@pytest.mark.campaign
+@pytest.mark.parametrize("job", ["lab8-exercise", "hexapod-tripod"])
 def test_a_narrow_page_does_not_scroll_sideways(watch: Open, job: str) -> None:
     page = watch(ROOT / "jobs" / f"{job}.toml", width=390, height=844)
     assert page.run("document.documentElement.scrollWidth") <= 390

@@ -10,7 +10,6 @@ import pytest
 
 pytest.importorskip("websockets", reason="the extra 'watch' is not installed")
 
-from tests.campaigns import sampled
 from tests.watch.browser import Browser, Page
 from tests.watch.test_page import LAB8, NO_TRIS, ROOT, Open, copy, go, slide, text, typed, watch  # noqa: F401 - a fixture
 
@@ -62,6 +61,7 @@ def stop_job(tmp_path: Path) -> Path:
     return job
 
 
+@pytest.mark.campaign
 def test_after_a_build_the_emergency_stop_has_the_new_level(watch: Open, stop_job: Path) -> None:  # noqa: F811
     page = watch(stop_job)
     typed(page, 'stop_pin = "RA4"', 'stop_pin = "RA4"\nstop_level = "high"')
@@ -101,6 +101,7 @@ def test_escape_is_the_emergency_stop_wherever_the_focus_is(watch: Open, stop_jo
     page.until("watched.latest.chip.outside[4] === 1")
 
 
+@pytest.mark.campaign
 def test_after_an_intervention_nothing_is_said_of_the_edges_that_follow(watch: Open, tmp_path: Path) -> None:  # noqa: F811
     page = watch(stopped_walk(tmp_path))
     go(page, 4_000_000)
@@ -117,6 +118,7 @@ def test_after_an_intervention_nothing_is_said_of_the_edges_that_follow(watch: O
     assert page.run("watched.waves.data.differing.length") == 0
 
 
+@pytest.mark.campaign
 def test_a_build_of_another_robot_shows_its_servos(watch: Open, tmp_path: Path) -> None:  # noqa: F811
     page = watch(copy(LAB8, tmp_path))
     page.run("document.getElementById('job-text').select()")
@@ -144,7 +146,8 @@ COVERED = """
 """
 
 
-@pytest.mark.parametrize("job", sampled([LAB8, TRIPOD]), ids=lambda job: job.stem)
+@pytest.mark.campaign
+@pytest.mark.parametrize("job", [LAB8, TRIPOD], ids=lambda job: job.stem)
 def test_the_visible_past_is_covered_while_it_runs(watch: Open, tmp_path: Path, job: Path) -> None:  # noqa: F811
     page = watch(copy(job, tmp_path))
     go(page, 1_000_000)
@@ -158,6 +161,7 @@ def test_the_visible_past_is_covered_while_it_runs(watch: Open, tmp_path: Path, 
         assert page.run(COVERED) >= 0.98, speed
 
 
+@pytest.mark.campaign
 def test_what_is_typed_during_a_build_is_not_saved(watch: Open, tmp_path: Path) -> None:  # noqa: F811
     job = copy(LAB8, tmp_path)
     page = watch(job)
@@ -196,6 +200,7 @@ def test_a_file_that_was_changed_outside_is_not_overwritten(watch: Open, tmp_pat
     assert "arm_deg = 140" in job.read_text() and "another" in job.read_text()
 
 
+@pytest.mark.campaign
 def test_what_asks_for_a_click_stays_where_it_is_when_the_plan_comes(watch: Open, tmp_path: Path) -> None:  # noqa: F811
     """The plan of a text comes whenever it is ready: it moves no button from under the pointer."""
     job = copy(LAB8, tmp_path)
@@ -220,6 +225,7 @@ def test_what_asks_for_a_click_stays_where_it_is_when_the_plan_comes(watch: Open
     page.until("document.getElementById('job-state').textContent === 'saved'")
 
 
+@pytest.mark.campaign
 def test_a_plan_that_takes_long_is_left_for_a_newer_text(watch: Open, tmp_path: Path) -> None:  # noqa: F811
     """Planning 4000 steps of twelve servos takes minutes; the text is changed before that."""
     page = watch(copy(TRIPOD, tmp_path))
@@ -229,6 +235,7 @@ def test_a_plan_that_takes_long_is_left_for_a_newer_text(watch: Open, tmp_path: 
     page.until("document.getElementById('preview').textContent.includes('ghost')")
 
 
+@pytest.mark.campaign
 def test_undo_takes_back_what_the_timeline_did(watch: Open, tmp_path: Path) -> None:  # noqa: F811
     page = watch(copy(LAB8, tmp_path))
     before = page.run("document.getElementById('job-text').value")
@@ -303,6 +310,7 @@ def test_it_stops_where_a_condition_begins_to_hold(watch: Open, tmp_path: Path) 
     assert "set_bit(portb, 0)" in page.until("document.querySelector('.line.here')?.textContent")
 
 
+@pytest.mark.campaign
 def test_two_windows_have_moments_of_their_own_and_know_of_each_others_text(
     watch: Open,  # noqa: F811
     browser: Browser,
@@ -332,6 +340,7 @@ def test_two_windows_have_moments_of_their_own_and_know_of_each_others_text(
     second.close()
 
 
+@pytest.mark.campaign
 def test_a_build_that_takes_long_is_stopped_and_the_text_mended_on_the_page(
     watch: Open,  # noqa: F811
     tmp_path: Path,
@@ -357,6 +366,7 @@ def test_a_build_that_takes_long_is_stopped_and_the_text_mended_on_the_page(
     assert page.until("document.getElementById('build-progress').dataset.exact") == "true"
 
 
+@pytest.mark.campaign
 def test_the_sliders_can_follow_the_chip_again(watch: Open, tmp_path: Path) -> None:  # noqa: F811
     page = watch(copy(LAB8, tmp_path))
     go(page, 1_000_000)
@@ -368,6 +378,7 @@ def test_the_sliders_can_follow_the_chip_again(watch: Open, tmp_path: Path) -> N
     assert page.run("+document.querySelector('#sliders input').value") == pytest.approx(30, abs=0.2)
 
 
+@pytest.mark.campaign
 def test_far_requests_simulate_nothing(watch: Open, tmp_path: Path) -> None:  # noqa: F811
     page = watch(copy(LAB8, tmp_path))
     reach = page.run("watched.latest.reach")
@@ -390,6 +401,7 @@ def test_names_and_comments_that_look_like_pages_stay_text(watch: Open, tmp_path
     assert page.run("document.querySelectorAll('img, #source script, #views script').length") == 0
 
 
+@pytest.mark.campaign
 def test_two_fingers_zoom_the_waves_and_one_finger_measures(watch: Open, tmp_path: Path) -> None:  # noqa: F811
     page = watch(copy(LAB8, tmp_path), width=390, height=844)
     page.call("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=2)

@@ -15,7 +15,6 @@ pytest.importorskip("websockets", reason="the extra 'watch' is not installed")
 
 from servogen.watch.editing import Editor
 from servogen.watch.subject import Setting, load_subject
-from tests.campaigns import sampled
 from tests.watch.browser import Browser, Page
 from tests.watch.serving import Running
 from tests.watch.test_page import LAB8, NO_TRIS, ROOT, Open, copy, go, painted, text, typed, watch  # noqa: F401
@@ -34,7 +33,8 @@ def point(page: Page, x: float, y: float) -> None:
     page.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
 
 
-@pytest.mark.parametrize(("width", "height", "code"), sampled([(1280, 800, 12.5), (1920, 1080, 16)]))
+@pytest.mark.campaign
+@pytest.mark.parametrize(("width", "height", "code"), [(1280, 800, 12.5), (1920, 1080, 16)])
 def test_text_robot_waves_and_hands_share_one_screen_that_is_filled(
     watch: Open,  # noqa: F811
     tmp_path: Path,
@@ -66,6 +66,7 @@ def test_on_a_phone_the_emergency_stop_stays_in_sight(watch: Open, tmp_path: Pat
         assert 0 <= left < right <= 390 and 0 <= top < bottom <= 844
 
 
+@pytest.mark.campaign
 def test_chip_and_hands_are_docked_below_or_beside(watch: Open, tmp_path: Path) -> None:  # noqa: F811
     page = watch(copy(LAB8, tmp_path), width=1280, height=800)
     assert box(page, "#tools")[1] >= box(page, "#text-area")[3]
@@ -94,6 +95,7 @@ def test_a_change_is_planned_while_it_is_typed_and_shown_as_a_ghost(watch: Open,
     page.until(f"Math.abs({degrees} - 30) < 0.2 && !document.getElementById('preview').textContent")
 
 
+@pytest.mark.campaign
 def test_the_ghost_of_a_walk_is_that_of_its_text_also_behind_the_frames_that_lead_in(
     watch: Open,  # noqa: F811
     tmp_path: Path,
@@ -110,6 +112,7 @@ def test_the_ghost_of_a_walk_is_that_of_its_text_also_behind_the_frames_that_lea
     assert page.run("watched.robot.ghost") == pytest.approx(scheduled, abs=0.01)
 
 
+@pytest.mark.campaign
 def test_a_pose_is_linked_in_text_timeline_and_waves(watch: Open, tmp_path: Path) -> None:  # noqa: F811
     """Lab 8: 30° for 2 s, 90° for 5 s, 120° for 3 s, in the lines 17 to 19 of its file."""
     page = watch(copy(LAB8, tmp_path))
@@ -149,6 +152,7 @@ def test_a_pose_is_linked_in_text_timeline_and_waves(watch: Open, tmp_path: Path
     page.until(f"{linked} === 2")
 
 
+@pytest.mark.campaign
 def test_what_a_narrow_pose_says_is_whole(watch: Open, tmp_path: Path) -> None:  # noqa: F811
     """Its number, and how long it is held where there is room for that: nothing runs under the handle."""
     job, text = tmp_path / "short.toml", LAB8.read_text()
@@ -222,6 +226,7 @@ void main(void)
 """It sends "Hi" at about 1200 baud, 833 µs a bit."""
 
 
+@pytest.mark.campaign
 def test_the_console_shows_what_comes_back_on_any_pin(watch: Open, tmp_path: Path) -> None:  # noqa: F811
     program = tmp_path / "uart.c"
     program.write_text(UART)
@@ -342,6 +347,7 @@ def test_a_server_that_has_ended_is_unmistakable_and_found_again_at_the_same_pla
         again.stop()
 
 
+@pytest.mark.campaign
 def test_legs_have_the_same_colours_and_names_in_every_view(watch: Open) -> None:  # noqa: F811
     pytest.importorskip("mujoco", reason="the twin's physics needs MuJoCo")
     page = watch(ROOT / "jobs" / "hexapod-tripod.toml")
