@@ -7,7 +7,6 @@ import gc
 import http.client
 import json
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
 from pathlib import Path
@@ -333,9 +332,7 @@ def test_a_window_that_never_reads_holds_up_nobody(running: Running) -> None:
         opened(other)
         for _ in range(500):
             lazy.send(json.dumps({"do": "waves", "begin": 0, "end": 4_000_000}))
-        begin = time.process_time()  # the server's, which is a thread of this process
         assert asked(other, "explanation", do="explain", pin="RB0")["lines"]
-        assert time.process_time() - begin < 1
         room = running.server._rooms[""]
         open_ = [window.socket for window in room._windows.values() if window.socket]
         assert max(each.transport.get_write_buffer_size() for each in open_) < 3 * MAX_REQUEST_BYTES
