@@ -6,7 +6,6 @@ the values of macros that the compiler itself reads (`_CLOCK_FREQ`, `_XTAL_FREQ`
 
 from __future__ import annotations
 
-import copy
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -31,7 +30,7 @@ from servogen.compiler.frontend.assembly import (
     rewrite,
 )
 from servogen.compiler.frontend.conditions import DirectiveCondition
-from servogen.compiler.frontend.macros import SPACE, Replacer
+from servogen.compiler.frontend.macros import SPACE, Replacer, copied
 from servogen.errors import InputError, Location
 
 Resolver = Callable[[str, str], tuple[str, str] | None]
@@ -143,7 +142,7 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         words = "".join(tok.value for tok in toks)
         place = Location(directive.source, directive.lineno)
         if directive.value == "pragma":
-            expanded = self.expand_macros([copy.copy(tok) for tok in toks[1:]])
+            expanded = self.expand_macros([copied(tok) for tok in toks[1:]])
             rest = decimal("".join(tok.value for tok in expanded))
             self.pragmas.append(Pragma((toks[0].value + rest) if toks else "", place))
         elif directive.value == "error":
@@ -215,7 +214,7 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         macro = self.macros.get(name)
         if macro is None or macro.arglist is not None:
             return None
-        expanded = self.expand_macros([copy.copy(tok) for tok in macro.value])
+        expanded = self.expand_macros([copied(tok) for tok in macro.value])
         return plain_numbers("".join(tok.value for tok in expanded).strip())
 
     def spelled(self, tokens: list[Any]) -> str:
@@ -242,7 +241,7 @@ class _Pcpp(Preprocessor):  # type: ignore[misc]
         tokens = list(iter(lexer.token, None))
         if len(tokens) != 1:
             return [left, right]
-        token = copy.copy(left)
+        token = copied(left)
         token.type, token.value = tokens[0].type, tokens[0].value
         return [token]
 
