@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -107,13 +107,16 @@ class _Region:
 
 def program_code(image: Image) -> Code:
     """Return the image's program, decoded: 1024 words."""
-    return np.array([_place(image, address) for address in range(_N)], dtype=np.int64)
+    code = [ERASED] * _N
+    for address, word in image.program.items():
+        if address < _N:
+            code[address] = _packed(word)
+    return np.array(code, dtype=np.int64)
 
 
-def _place(image: Image, address: int) -> int:
-    if address not in image.program:
-        return ERASED
-    decoded = decode(image.program[address])
+@cache
+def _packed(word: int) -> int:
+    decoded = decode(word)
     return UNDEFINED if decoded is None else pack(decoded)
 
 

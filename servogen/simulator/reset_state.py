@@ -56,8 +56,7 @@ def power_up(image: Image, clock: Clock, options: SimulatorOptions, tracked: boo
     s[at.WDT_SHORTEST] = clock.round_us(shortest).cycles if config & CONFIG_WATCHDOG_ON else 0
     s[at.EE_TIME] = clock.round_us(options.eeprom_us).cycles
     s[at.T0_PHASE] = options.tmr0_phase
-    for address in range(EEPROM_BYTES):
-        s[at.EEPROM + address] = image.eeprom.get(address, 0xFF)
+    s[at.EEPROM : at.EEPROM + EEPROM_BYTES] = [image.eeprom.get(each, 0xFF) for each in range(EEPROM_BYTES)]
     if options.power_up:
         timer = 0 if config & CONFIG_POWER_UP_TIMER_OFF else clock.round_us(options.power_up_us).cycles
         s[at.CYCLE] = s[at.WDT_AT] = s[at.WDT_CLEARED] = s[at.T0_AT] = timer + start_up
@@ -73,8 +72,7 @@ def _undefined(s: State, options: SimulatorOptions) -> None:
     def any_byte() -> int:
         return 0 if draw is None else draw.randrange(0x100)
 
-    for address in range(RAM_FIRST, RAM_LAST + 1):
-        s[address] = any_byte() | at.NOT_WRITTEN
+    s[RAM_FIRST : RAM_LAST + 1] = [any_byte() | at.NOT_WRITTEN for _ in range(RAM_FIRST, RAM_LAST + 1)]
     for row in ROWS:
         if row.undefined:
             width = (row.bits >> row.first_bit).bit_length()

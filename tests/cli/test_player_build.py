@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from servogen.cli.show import show_error
+from servogen.engines.c_text import DIALECTS
 from servogen.errors import InputError
 from tests.cli.conftest import Run
 from tests.engines.player.player_jobs import built_text, job_text, sweep
@@ -20,7 +21,7 @@ def test_build_says_what_is_left_and_that_the_c_never_came_too_late(run: Run, tm
     found = run("build", str(job), "-o", str(tmp_path / "out"), "--json")
     assert found.code == 0
     answer = json.loads(found.out)
-    for told, program in zip(answer["programs"], built_text(SMALL).programs, strict=True):
+    for told, program in zip(answer["programs"], built_text(SMALL, *DIALECTS).programs, strict=True):
         made = program.firmware.compilation
         assert told["words"] + told["words_left"] == 1024 and told["words"] == made.words
         assert told["ram_bytes"] + told["ram_left"] == 68

@@ -12,7 +12,7 @@ from tests.campaigns import sampled
 from tests.compiler.bus import Bus
 
 WHERE = [(dialect, level) for dialect in DIALECTS for level in LEVELS]
-EVERYWHERE = sampled([(where,) for where in WHERE], 4)
+EVERYWHERE = sampled([(where,) for where in WHERE], 2)
 PORTB = 0x06
 HEADS = {"c2c": "", "xc8": "#include <xc.h>\n", "sdcc": "#include <pic14/pic16f84a.h>\n"}
 

@@ -124,7 +124,8 @@ def target(name: str) -> Target:
     """Return a job of `JOBS`, or a program of `attack_programs`."""
     if name == ANY_EEPROM:
         done = built_text(
-            job_text(1, sweep(1, 0.04, limits=(80, 81)), limits=(80, 81), firmware="soft_start_s = 0.04\n")
+            job_text(1, sweep(1, 0.04, limits=(80, 81)), limits=(80, 81), firmware="soft_start_s = 0.04\n"),
+            "c2c",
         )
         schedule = done.plan.schedule
         made = _target(name, done.programs[0].image, schedule, int(done.programs[0].verdict.start or 0))
@@ -135,7 +136,7 @@ def target(name: str) -> Target:
         assert first is not None
         made = replace(_target(name, image, schedule, int(first)), frames=MANY_FRAMES)
         return replace(made, trimmed=(PINS.index("RB1"),) if name == TRIMMED else ())
-    done = built_text(job_text(3, sweep(3, 0.32), firmware="soft_start_s = 0.16\n" + JOBS[name]))
+    done = built_text(job_text(3, sweep(3, 0.32), firmware="soft_start_s = 0.16\n" + JOBS[name]), "c2c")
     program = done.programs[0]
     assert program.verdict.start is not None
     return _target(name, program.image, done.plan.schedule, int(program.verdict.start))

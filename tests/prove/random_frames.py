@@ -57,7 +57,7 @@ class Target:
 
 @cache
 def target(buttons: str = BUTTONS) -> Target:
-    done = built_text(job_text(3, sweep(3, 0.24), firmware=f"soft_start_s = 0.16\n{buttons}"))
+    done = built_text(job_text(3, sweep(3, 0.24), firmware=f"soft_start_s = 0.16\n{buttons}"), "c2c")
     image, schedule = done.programs[0].image, done.plan.schedule
     text = schedule.json_text().encode()
     claim = read_certificate(

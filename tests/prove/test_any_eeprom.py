@@ -33,7 +33,7 @@ WDTE = 0x04
 @cache
 def built(servos: int) -> tuple[PulseSchedule, BuiltProgram]:
     motion = sweep(servos, 0.04, limits=(80, 81))
-    done = built_text(job_text(servos, motion, limits=(80, 81), firmware="soft_start_s = 0.04\n"))
+    done = built_text(job_text(servos, motion, limits=(80, 81), firmware="soft_start_s = 0.04\n"), "c2c")
     return done.plan.schedule, done.programs[0]
 
 

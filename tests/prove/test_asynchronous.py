@@ -256,6 +256,7 @@ def test_a_pulse_as_long_as_a_write_has_a_counterexample() -> None:
     assert shown(image, exact, prove_for_all(image, exact))
 
 
+@pytest.mark.campaign
 def test_what_the_program_has_written_to_the_eeprom_is_not_known() -> None:
     image = written(
         POLL + "        bsf STATUS, RP0\n        bsf EECON1, RD\n        bcf STATUS, RP0\n",

@@ -25,6 +25,7 @@ def test_a_counterexample_is_repeated_and_what_is_right_is_not_taken_for_one(tmp
     assert not attack.judged(case, case.image, machine.run(end), machine, end - 2 * case.plan.period)
 
 
+@pytest.mark.campaign
 def test_a_start_that_comes_later_on_some_chips_is_not_a_fault() -> None:
     """TRISB gets W: if RB1 stays an input by chance, the pulses begin when the program starts again."""
     case = attack.target("resets itself")

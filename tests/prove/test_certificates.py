@@ -41,6 +41,7 @@ def test_the_committed_firmware_is_proven_and_its_certificate_valid(job: str) ->
     assert check_certificate(claim, image, text, str(path)).states == claim.count
 
 
+@pytest.mark.campaign
 def test_with_two_buttons_it_is_valid_of_that_program_only() -> None:
     """Each reading of a button, turned round, is a program that the certificate is refused of."""
     case = target("start and stop")

@@ -308,6 +308,7 @@ def first_written_at_once() -> Image:
     return image(UNWRITTEN.replace("loop ", "        movlw   1\n        movwf   PORTB\nloop "))
 
 
+@pytest.mark.campaign
 def test_what_an_output_shows_before_its_first_write_counts_where_that_write_is_not_low() -> None:
     program = first_written_at_once()
     found = proof(program, BOTH, Quantifiers(resets=False))
@@ -316,7 +317,6 @@ def test_what_an_output_shows_before_its_first_write_counts_where_that_write_is_
 
 @pytest.mark.campaign
 def test_levels_before_the_first_write_are_within_bounds_that_allow_for_them() -> None:
-    assert proof(image(UNWRITTEN), EITHER.replace("[155, 155]", "[153, 155]")).proven
     program = first_written_at_once()
     assert proof(program, BOTH + "longer_us = 3\n").proven
     assert not proof(program, BOTH + "longer_us = 2\n").proven

@@ -49,6 +49,7 @@ def test_a_player_with_buttons_is_proven_for_every_press(firmware: str) -> None:
     assert found.states > 2 * (schedule.lead_in_frames + schedule.loop_frames)
 
 
+@pytest.mark.campaign
 def test_held_as_the_schedule_says_there_are_fewer_states() -> None:
     schedule, program = built(START + STOP)
     every, held = (

@@ -104,7 +104,6 @@ BEGINS = {
             ("fall that takes over the next round", 27, "no edge", 255),
             ("fall that takes over the next round", 45, "a rise", 255),
         ],
-        2,
     ),
 )
 def test_what_the_round_behind_an_edge_may_be_is_tried(
@@ -284,11 +283,13 @@ def listing_of(text: str):  # type: ignore[no-untyped-def]
             # The pin is not the one that the C prepared.
             ("movf    _mask, W", "movf    _value, W", "does not write the pin"),
         ],
-        16,
+        8,
     ),
 )
 def test_a_changed_interrupt_is_noticed(text: str, before: str, after: str, why: str) -> None:
     changed = text.replace(before, after)
     assert changed != text
+    listing = listing_of(changed)
     with pytest.raises(InterruptChanged, match=why):
-        guarantee(listing_of(changed), STREAMED, (70, *FINES))
+        guarantee(listing, STREAMED, NONE)  # which most changes fail, and which takes a third of the time
+        guarantee(listing, STREAMED, (70, *FINES))

@@ -55,6 +55,7 @@ def test_a_wrong_byte_whose_sum_is_right_has_a_counterexample() -> None:
     assert not proof.proven and proof.counterexample is not None
 
 
+@pytest.mark.campaign
 def test_a_reader_that_lets_go_of_sda_as_scl_falls_is_not_proven() -> None:
     schedule, image = still()
     words = [encode("CLRF", f=5), encode("MOVLW", k=0x10), encode("MOVWF", f=5)]

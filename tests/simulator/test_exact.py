@@ -96,6 +96,7 @@ def test_running_fast_is_the_same_as_single_steps(batch: int) -> None:
         assert seen(fast) == seen(slow)
 
 
+@pytest.mark.campaign
 def test_a_wait_for_tmr0_that_is_taken_in_one_step_is_the_same_as_single_steps_and_as_a_second_chip() -> None:
     """Wherever the run is cut, and whatever interrupts it."""
     for seed, case in enumerate(timed_cases()):

@@ -39,7 +39,7 @@ from tests.compiler.random.shrink import candidates
 from tests.compiler.random.target_c import DONE, TargetC
 from tests.compiler.random.typing_rules import common, literal
 
-BATCH, BATCHES = 25, 3
+BATCH, BATCHES = 10, 2
 
 
 @pytest.mark.parametrize("number", sampled(range(BATCHES)))

@@ -11,15 +11,18 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from zlib import crc32
 
 import numpy as np
 
 from servogen.edges import HIGH, LOW, PINS, EdgeChunk
+from servogen.engines.c_text import DIALECTS
 from servogen.engines.player.engine import play
-from servogen.job import load, loads, plan_job
+from servogen.job import PlannedJob, load, loads, plan_job
 from servogen.pulse import PulseSchedule, Run
 from servogen.units import Cycles
-from servogen.workflows.job_build import Build, build
+from servogen.workflows.engines import planned
+from servogen.workflows.job_build import Build, judge_firmware
 from servogen.workflows.verification import judge_edges, running
 
 ROOT = Path(__file__).parents[3]
@@ -72,14 +75,28 @@ THIRTEEN = job_text(13, sweep(13, 10.24), firmware="soft_start_s = 0.32")
 
 
 @cache
-def built(name: str) -> Build:
+def built(name: str, *dialects: str) -> Build:
     """A job of the repository, built."""
-    return build(plan_job(load(ROOT / "jobs" / f"{name}.toml")))
+    return _built(plan_job(load(ROOT / "jobs" / f"{name}.toml")), dialects or DIALECTS)
 
 
 @cache
-def built_text(text: str) -> Build:
-    return build(plan_job(loads(text, "job.toml")))
+def built_text(text: str, *dialects: str) -> Build:
+    """The text of a job, built for these dialects; without any for one, another for another text."""
+    return _built(
+        plan_job(loads(text, "job.toml")), dialects or (DIALECTS[crc32(text.encode()) % len(DIALECTS)],)
+    )
+
+
+def _built(job: PlannedJob, dialects: Sequence[str]) -> Build:
+    played = planned(job)
+    schedule = played.plan.schedule
+    first, *others = (played.make(each) for each in dialects)
+    programs = [
+        judge_firmware(schedule, first, stored=True),
+        *(judge_firmware(schedule, each) for each in others),
+    ]
+    return Build(played.job, played.engine, played.plan, tuple(programs))
 
 
 def trimmed(schedule: PulseSchedule, trims: dict[int, int]) -> PulseSchedule:
@@ -137,7 +154,7 @@ def crossings(done: Build) -> dict[tuple[int, ...], int]:
 
 def main(seconds: float) -> int:
     """Thirteen sweeping servos for so long; every edge compared."""
-    done = built_text(THIRTEEN)
+    done = built_text(THIRTEEN, *DIALECTS)
     schedule = done.plan.schedule
     span = schedule.clock.round_seconds(seconds)
     print(f"pairs of a slot cross, times in a loop of {schedule.loop_frames} frames: {crossings(done)}")

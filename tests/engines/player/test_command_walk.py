@@ -238,6 +238,7 @@ def test_a_walk_forward_and_back_alone_has_two_directions() -> None:
     assert found.plan.schedule.plan_error.width_us <= 5
 
 
+@pytest.mark.campaign
 def test_ripple_with_four_directions_fits_and_walks_as_the_reference_says() -> None:
     """Twelve servos and four directions in at most 1000 words and 68 bytes, in every dialect."""
     job = plan_job(loads(TEXT.replace('"tripod"', '"ripple"'), "job.toml"))

@@ -412,6 +412,7 @@ def test_one_button_steps_through_the_directions(dialect: str) -> None:
     assert verdict.passed, verdict.reasons
 
 
+@pytest.mark.campaign
 def test_every_press_of_one_button_is_proven_and_a_changed_word_refuted() -> None:
     """Two directions: the last one is twice 2. With twice 1 in its place, one of them is never walked."""
     found, firmware = made("c2c", TWO, f"turn_deg = 15, {BUTTONS}", ONE)

@@ -15,7 +15,7 @@ from servogen.workflows.verification import judge_edges, running
 from tests.campaigns import sampled
 from tests.engines.player.player_jobs import built_text, job_text, poses, sweep, trimmed
 
-TABLE = ((1, 6, 32), (2, 10, 32), (4, 13, 32), (8, 13, 32), (10, 13, 32), (16, 13, 32), (20, 13, 64))
+TABLE = ((1, 6, 32), (4, 13, 32), (2, 10, 32), (8, 13, 32), (10, 13, 32), (16, 13, 32), (20, 13, 64))
 """MHz, servos with pulses of up to 2 ms, cycles of a tick."""
 
 

@@ -48,7 +48,7 @@ def test_a_reset_at_any_cycle_of_any_frame_is_followed_by_the_soft_start_and_exa
 
 
 def test_a_reset_in_the_middle_of_a_walk_goes_back_to_the_neutral_pose() -> None:
-    done = built("hexapod-tripod")
+    done = built("hexapod-tripod", "sdcc")
     schedule = done.plan.schedule
     for frame in (10, 77, 200):
         verdict = after_reset(schedule, done.programs[0].image, frame * schedule.period + 4321, 1000, 60)
@@ -71,14 +71,14 @@ def test_a_reset_cuts_pulses_short_and_lengthens_none() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "watchdog_us"),
+    ("name", "watchdog_us", "dialect"),
     sampled(
-        [("hexapod-tripod", 7000), ("hexapod-tripod", 18_000), ("hexapod-turn", 7000), ("scara-pick", 7000)]
+        [("hexapod-tripod", 7000, "sdcc"), ("hexapod-tripod", 18_000, "xc8"), ("scara-pick", 7000, "c2c")]
     ),
 )
-def test_a_watchdog_that_was_left_on_changes_no_edge(name: str, watchdog_us: int) -> None:
+def test_a_watchdog_that_was_left_on_changes_no_edge(name: str, watchdog_us: int, dialect: str) -> None:
     # 7 ms is the shortest that a chip may have (DS35007 section 9, parameter 31).
-    done = built(name)
+    done = built(name, dialect)
     schedule = done.plan.schedule
     span = motion_cycles(schedule)
     limit = Cycles(span + 10 * schedule.period)
@@ -109,7 +109,7 @@ def test_a_watchdog_of_7_ms_changes_no_edge_at_any_clock(mhz: int, servos: int) 
 
 
 def test_a_watchdog_faster_than_any_chip_has_is_seen() -> None:
-    done = built("scara-pick")
+    done = built("scara-pick", "c2c")
     schedule, image = done.plan.schedule, done.programs[0].image
     assert image.config is not None
     watched = replace(image, config=image.config | WDT_ON)

@@ -6,7 +6,6 @@ import pytest
 
 from servogen.units import Cycles
 from servogen.workflows.verification import judge_forever
-from tests.campaigns import sampled
 from tests.engines.player.player_jobs import ROOT, built_text, job_text, poses
 
 WAY = [(30, 150, 90), (120, 40, 90), (75, 75, 130)]
@@ -20,7 +19,7 @@ def once(end: str, **more: str) -> str:
     )
 
 
-@pytest.mark.parametrize("end", sampled(["hold", "release"]))
+@pytest.mark.parametrize("end", ["hold", "release"])
 def test_a_motion_that_is_played_once_ends_for_ever_as_it_says(end: str) -> None:
     done = built_text(once(end))
     schedule = done.plan.schedule
@@ -46,10 +45,9 @@ def test_with_a_start_button_the_motion_is_played_once_after_it() -> None:
     assert found.passed, found.text()
 
 
-@pytest.mark.parametrize("end", sampled(["hold", "release"]))
-def test_a_walk_can_be_played_once(end: str) -> None:
+def test_a_walk_can_be_played_once() -> None:
     walk = (ROOT / "jobs" / "hexapod-tripod.toml").read_text()
-    walk = walk.replace("lift_mm = 20", f'lift_mm = 20\nrepeat = false\nend = "{end}"')
+    walk = walk.replace("lift_mm = 20", 'lift_mm = 20\nrepeat = false\nend = "hold"')
     done = built_text(walk)
     assert done.exact
     found = judge_forever(done.plan.schedule, done.programs[0].image, Cycles(2000 * 20_000))

@@ -68,7 +68,7 @@ def cycles_left(layout: SlotLayout, slot: Slot, following: Slot) -> int:
 def test_n_is_the_time_that_the_layout_has_reserved_for_the_same_kernel() -> None:
     """The layout's sum is its own; the pins of a slot that do not rise one by one do so a cycle sooner."""
     for name in ("hexapod-tripod", "scara-pick"):
-        done = built(name)
+        done = built(name, "xc8")
         layout = _layout(name)
         between_frames = cycles_left(layout, layout.slots[-1], layout.slots[0])
         between_slots = min(cycles_left(layout, one, other) for one, other in pairwise(layout.slots))

@@ -20,7 +20,7 @@ from servogen.pic.device import PROGRAM_WORDS
 from servogen.prove import Quantifiers, prove_for_all
 from servogen.prove.eeprom import TrimSearch
 from servogen.workflows.engines import planned
-from servogen.workflows.job_build import Build, build, judge_firmware, report
+from servogen.workflows.job_build import Build, judge_firmware, report
 from tests.engines.player.command_walks import JOB, problems, random_line
 from tests.engines.player.player_jobs import ROOT, built_text, job_text, sweep, trimmed
 
@@ -34,28 +34,22 @@ SERVOS = 12
 SMALL = job_text(1, sweep(1, 0.04, limits=(80, 81)), limits=(80, 81), firmware="soft_start_s = 0.04\n")
 
 
-@cache
 def six_ways() -> Build:
-    return build(plan_job(loads(SIX_WAYS, "six.toml")))
+    return built_text(SIX_WAYS, "c2c")
 
 
 @cache
-def played_six_ways() -> tuple[PlannedJob, Playing]:
-    job = plan_job(loads(SIX_WAYS, "six.toml"))
+def played(text: str) -> tuple[PlannedJob, Playing]:
+    job = plan_job(loads(text, "job.toml"))
     return job, play(job)[1]
 
 
 def forced(text: str, dialect: str = "c2c") -> Firmware:
     """Return the firmware of a job that flash could hold, with its script in the EEPROM."""
-    job = plan_job(loads(text, "job.toml"))
-    played = play(job)[1]
-    stored = in_eeprom(played.encoded.script.data, len(job.servos))
-    return firmware(
-        render_player(played, stored, job.buttons, dialect, job.device, job.name),
-        job,
-        played.layout,
-        dialect,
-    )
+    job, motion = played(text)
+    stored = in_eeprom(motion.encoded.script.data, len(job.servos))
+    made = render_player(motion, stored, job.buttons, dialect, job.device, job.name)
+    return firmware(made, job, motion.layout, dialect)
 
 
 def test_the_trims_are_first_and_the_end_of_the_script_fills_the_rest() -> None:
@@ -71,30 +65,34 @@ def test_the_trims_are_first_and_the_end_of_the_script_fills_the_rest() -> None:
     assert in_flash(script).eeprom == b"" and in_flash(script).flash == script
 
 
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_with_its_script_in_the_eeprom_every_edge_is_exact(dialect: str) -> None:
+    assert judge_firmware(built_text(SMALL, "c2c").plan.schedule, forced(SMALL, dialect)).exact
+
+
 @pytest.mark.campaign
-def test_a_job_that_flash_cannot_hold_is_built_in_three_dialects_and_every_edge_is_exact() -> None:
+def test_a_job_that_flash_cannot_hold_is_built_and_every_edge_is_exact() -> None:
     done = six_ways()
-    script = played_six_ways()[1].encoded.script.data
-    assert [program.firmware.dialect for program in done.programs] == list(DIALECTS)
-    for program in done.programs:
-        assert program.exact and program.verdict.worst_edge_error == 0
-        assert program.firmware.compilation.words <= PROGRAM_WORDS
-        eeprom = program.image.eeprom
-        assert bytes(eeprom[at] for at in range(SERVOS, 64)) == script[-52:]
-        assert all(eeprom.get(trim, 0xFF) == 0xFF for trim in range(SERVOS))
-        assert all(budget.left is not None and budget.left > 0 for budget in program.firmware.timing_budgets)
-        place = {"flash_bytes": len(script) - 52, "eeprom_bytes": 52, "eeprom_first": 12}
-        assert program.to_json()["script"] == place
+    script = played(SIX_WAYS)[1].encoded.script.data
+    (program,) = done.programs
+    assert program.exact and program.verdict.worst_edge_error == 0
+    assert program.firmware.compilation.words <= PROGRAM_WORDS
+    eeprom = program.image.eeprom
+    assert bytes(eeprom[at] for at in range(SERVOS, 64)) == script[-52:]
+    assert all(eeprom.get(trim, 0xFF) == 0xFF for trim in range(SERVOS))
+    assert all(budget.left is not None and budget.left > 0 for budget in program.firmware.timing_budgets)
+    place = {"flash_bytes": len(script) - 52, "eeprom_bytes": 52, "eeprom_first": 12}
+    assert program.to_json()["script"] == place
     text = f"script: {len(script) - 52} bytes in flash, 52 bytes in the EEPROM, bytes 12 to 63"
-    assert report(done).count(text) == len(DIALECTS)
+    assert report(done).count(text) == 1
 
 
 def test_the_same_program_with_its_script_in_flash_is_too_large() -> None:
-    job, played = played_six_ways()
-    stored = in_flash(played.encoded.script.data)
-    text = render_player(played, stored, job.buttons, "c2c", job.device, job.name)
+    job, motion = played(SIX_WAYS)
+    stored = in_flash(motion.encoded.script.data)
+    text = render_player(motion, stored, job.buttons, "c2c", job.device, job.name)
     with pytest.raises(ResourceError, match=r"needs 10\d\d words of flash"):
-        firmware(text, job, played.layout, "c2c")
+        firmware(text, job, motion.layout, "c2c")
 
 
 @pytest.mark.campaign
@@ -107,7 +105,7 @@ def test_it_is_proven_for_every_power_up_and_reset_and_no_other_content_of_the_e
 
 
 def test_a_proof_for_any_eeprom_is_refused_with_the_bytes_that_are_no_trims() -> None:
-    schedule = built_text(SMALL).plan.schedule
+    schedule = built_text(SMALL, "c2c").plan.schedule
     made = forced(SMALL).compilation.image
     last = max(made.eeprom)
     found = prove_for_all(made, schedule, Quantifiers(any_eeprom=True))
@@ -116,7 +114,7 @@ def test_a_proof_for_any_eeprom_is_refused_with_the_bytes_that_are_no_trims() ->
 
 
 def test_bytes_behind_the_trims_that_the_program_does_not_read_are_no_obstacle() -> None:
-    own, schedule = built_text(SMALL).programs[0], built_text(SMALL).plan.schedule
+    own, schedule = built_text(SMALL, "c2c").programs[0], built_text(SMALL, "c2c").plan.schedule
     image = replace(own.image, eeprom={40: 7})
     assert TrimSearch(image, schedule, board_of(schedule), {}).erased() is None
 
@@ -140,9 +138,9 @@ def test_a_wrong_bit_of_the_script_in_the_eeprom_is_found_where_that_step_begins
 @pytest.mark.campaign
 def test_trims_and_the_script_share_the_eeprom() -> None:
     done = six_ways()
-    own, schedule = done.programs[1], done.plan.schedule
+    own, schedule = done.programs[0], done.plan.schedule
     trims = {0: 25, 7: -40}
-    order = played_six_ways()[1].order
+    order = played(SIX_WAYS)[1].order
     eeprom = {
         **own.image.eeprom,
         **{order.index(channel): cycles & 0xFF for channel, cycles in trims.items()},

@@ -143,7 +143,8 @@ def test_the_programs_of_the_law_reach_its_bounds() -> None:
     assert min(stack, least, most, unwritten) > 10, (stack, least, most, unwritten)
 
 
-@pytest.mark.parametrize(("seed", "decided"), sampled([(0, True), (1, False)]))
+@pytest.mark.campaign
+@pytest.mark.parametrize(("seed", "decided"), [(0, True), (1, False)])
 def test_every_state_of_a_player_s_run_is_one_that_the_analysis_allows(seed: int, decided: bool) -> None:
     """The script of the second leads beyond its table."""
     run = compared(random_player(seed), seed, 250)
