@@ -315,13 +315,6 @@ def test_what_an_output_shows_before_its_first_write_counts_where_that_write_is_
     assert replayed(program, BOTH, found).startswith("violated")
 
 
-@pytest.mark.campaign
-def test_levels_before_the_first_write_are_within_bounds_that_allow_for_them() -> None:
-    program = first_written_at_once()
-    assert proof(program, BOTH + "longer_us = 3\n").proven
-    assert not proof(program, BOTH + "longer_us = 2\n").proven
-
-
 def test_what_no_read_tells_is_not_decided() -> None:
     program = image(ANSWER.format(delay=""))
     pattern = '[[response]]\nwhen = ["RB0 falls", "RB0 rises"]\nthen = "RB4 rises"\nwithin_us = [0, 9]\n'

@@ -5,6 +5,7 @@
 
 from dataclasses import replace
 from fractions import Fraction
+from functools import cache
 
 import pytest
 
@@ -93,6 +94,14 @@ BEGINS = {
 """Where an interrupt goes that begins a round with this; it fails if that began late."""
 
 
+@cache
+def not_late(text: str, following: str) -> str:
+    """The C that fails if an interrupt that begins a round with this is late, as none is."""
+    failing = text.replace(*BEGINS[following])
+    guarantee(listing_of(failing), STREAMED, NONE)
+    return failing
+
+
 @pytest.mark.parametrize(
     ("edge", "late", "following", "fine"),
     sampled(
@@ -110,8 +119,7 @@ def test_what_the_round_behind_an_edge_may_be_is_tried(
     text: str, edge: str, late: int, following: str, fine: int
 ) -> None:
     """An interrupt begins late, because that of an edge ends late, and fails if its round has `following`."""
-    failing = text.replace(*BEGINS[following])
-    guarantee(listing_of(failing), STREAMED, NONE)
+    failing = not_late(text, following)
     before, after = AFTER[edge]
     changed = failing.replace(before, after.format(late=cycles(late)))
     with pytest.raises(InterruptChanged, match="an instruction that is not followed"):

@@ -5,13 +5,10 @@
 
 from __future__ import annotations
 
-import json
 import random
 import re
-import shlex
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -20,7 +17,7 @@ from servogen.engines.stream.engine import stream
 from servogen.engines.stream.firmware import compiled, firmware
 from servogen.engines.stream.protocol import NO_TRIM, SYNC, CommandKind, command_of
 from servogen.job import load, plan_job
-from servogen.pic.image import Image, read_hex, to_hex
+from servogen.pic.image import Image, read_hex
 from servogen.pic.isa import encode
 from servogen.pic.listing import Listing, ListingRow
 from servogen.prove.stream.bits import FALSE, Bits, Truth, byte
@@ -28,8 +25,6 @@ from servogen.prove.stream.chip import NOTHING, ReceiverState, StreamChip
 from servogen.prove.stream.counterexample import NOBODY, CounterexampleSearch
 from tests.engines.stream import chip_model
 from tests.engines.stream.stream_soak import JOBS
-from tests.prove.attack import servogen
-from tests.prove.stream_attack import edges_of, first_difference
 
 ARM = plan_job(load(JOBS / "stream-arm.toml"))
 STREAMED = stream(ARM)[1]
@@ -727,40 +722,6 @@ def test_main_and_an_interrupt_together_fit_the_stack() -> None:
         words = f"void extend(void)\n{{\n    asm {{\n{more}    nop\n    }}"
         one = lemmas(listing_of(changed_text("void extend(void)\n{", words)))
         assert fault(one.stack) == text
-
-
-@pytest.mark.campaign
-def test_a_fault_that_no_idle_line_shows_has_a_counterexample(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    file = tmp_path / "main.c"
-    file.write_text(changed_text("speed[n] = value;", "speed[n] = value | 1;"))
-    folder = JOBS.parent / "firmware" / "stream-arm"
-    prove = ("prove", file, "--against", folder / "schedule.json", "--json")
-    answer = json.loads(servogen(*prove, "--any-line", JOBS / "stream-arm.toml"))
-    assert answer["answer"] == "counterexample"
-    assert answer["states"] > 0, "with an idle line it is proven"
-    assert not [text for text in answer["assumptions"] if "held" in text or "the EEPROM holds" in text]
-    shown = answer["counterexample"]
-    assert " cycles on RB1, not " in shown["message"]
-    words = shlex.split(shown["command"])
-    wrong = edges_of(words, ARM.clock, None)
-    right = folder / "main.hex" if shown["eeprom"] is None else tmp_path / "right.hex"
-    if shown["eeprom"] is not None:
-        image = read_hex((folder / "main.hex").read_text(), "main.hex").image
-        kept = read_hex(Path(words[2]).read_text(), words[2]).image.eeprom
-        right.write_text(to_hex(replace(image, eeprom=kept)))
-    assert (
-        first_difference(wrong, edges_of([*words[:2], str(right), *words[3:]], ARM.clock, None))
-        == (shown["cycle"])
-    )
-    with pytest.raises(AssertionError):  # exit code 2: a line cannot be held and have any waveform
-        servogen(*prove, "--any-line", JOBS / "stream-arm.toml", "--hold-inputs")
-    with pytest.raises(AssertionError):  # exit code 2: the answer is about every power-up
-        servogen(*prove, "--any-line", JOBS / "stream-arm.toml", "--no-resets")
-    with pytest.raises(AssertionError):  # exit code 2: another job's schedule
-        servogen(*prove, "--any-line", JOBS / "stream-eight.toml")
 
 
 def test_the_values_of_a_failed_lemma_lead_to_a_line_that_shows_it() -> None:

@@ -8,20 +8,17 @@ from shutil import which
 import pytest
 
 from servogen.checker import Refused, check_certificate, read_certificate
-from servogen.edges import HIGH, OTHER_PINS, PINS, join
-from servogen.engines.board import board_of, paired_machine
-from servogen.job import load, plan_job
+from servogen.edges import HIGH, PINS, join
+from servogen.engines.board import board_of
 from servogen.pic.image import Image
 from servogen.prove import Proof, certificate, prove_for_all
 from servogen.pulse import PulseSchedule
 from servogen.simulator import Machine, SimulatorOptions, parse_stimuli
 from servogen.units import Cycles
 from servogen.workflows.certificates import second_witness
-from servogen.workflows.pair import planned_pair
 from tests.prove.gpsim_runs import gpsim_levels
 from tests.prove.wire_judge import fault
 from tests.prove.wired import LOOK, PERIOD, QUIET, WIRE, first_chip, schedules, second_chip, wait
-from tests.twin.eighteen import JOB as EIGHTEEN
 
 SCHEDULE = schedules()[1]
 
@@ -159,42 +156,3 @@ def test_gpsim_shows_the_same_edges_of_both_chips() -> None:
     text = f'[[level]]\npin = "{WIRE}"\nat_us = {times}\nlevel = {values}\n'
     own = pin_edges(second_chip(), text, board_of(SCHEDULE), 30 * PERIOD)
     assert [(cycle, level * servo) for cycle, _, level in own] == seen
-
-
-@pytest.mark.campaign
-@pytest.mark.skipif(which("gpsim") is None, reason="gpsim is not installed")
-def test_gpsim_shows_the_same_edges_of_a_hexapod_on_two_chips() -> None:
-    """Of eighteen servos, each chip by itself, as gpsim runs only the active one of two processors.
-
-    A written TMR0 is a cycle ahead in gpsim (docs/simulator.md): the edges are that much earlier, and so is
-    the wire, given to the second chip from the rise on with which it joins. With any other it has no pulse.
-    """
-    pair = planned_pair(plan_job(load(EIGHTEEN)))
-    images, end, rule = pair.images(), 22 * pair.schedules[0].period, pair.schedules[1].wire
-    edges = paired_machine(pair.schedules, images).run(end)
-    assert rule is not None
-
-    def seen(number: int, changes: list[tuple[int, int, int]]) -> list[tuple[int, int]]:
-        schedule = pair.schedules[number]
-        start = Machine(images[number], schedule.clock, board_of(schedule)).state()
-        servos = [channel.pin for channel in schedule.channels]
-        found = gpsim_levels(images[number], start, changes, end, servos)
-        return [(cycle + 2, levels) for cycle, levels in found]
-
-    own: list[dict[int, int]] = [{}, {}]
-    wire: list[tuple[int, int]] = []
-    levels = [0, 0]
-    for cycle, pin, level in zip(*(column.tolist() for column in edges), strict=True):
-        chip, bit = divmod(pin, OTHER_PINS)
-        before, levels[chip] = levels[chip], levels[chip] & ~(1 << bit) | (level == HIGH) << bit
-        if before != levels[chip]:
-            own[chip][cycle] = levels[chip]
-            if (chip, PINS[bit]) == (0, rule.source):
-                wire.append((cycle, level))
-    assert seen(0, []) == list(own[0].items()) and len(own[0]) == 90
-    joins = [cycle for cycle, level in wire if level == HIGH][rule.frames]
-    for early in (0, 1, 2):
-        moments = [(cycle - 1 - early * (cycle >= joins), level) for cycle, level in wire]
-        changes = [(cycle, PINS.index(rule.pin), level) for cycle, level in moments]
-        assert seen(1, changes) == (list(own[1].items()) if early == 1 else [])
-    assert len(own[1]) == 65

@@ -7,15 +7,14 @@ import pytest
 
 from servogen.edges import join
 from servogen.simulator import layout as at
-from tests.campaigns import sampled
 from tests.simulator.test_exact import CYCLES, cases, rows, seen, timed_cases
 
 NAMES = {"CYCLE": "cycles", "PC": "pc", "W": "w", "STATUS": "status"}
 
 
-@pytest.mark.parametrize("few", sampled([True, False]))
-def test_a_visit_is_the_state_at_a_stop(few: bool) -> None:
-    found, count = 0, 10 if few else 6
+@pytest.mark.parametrize(("few", "count"), [(True, 5), (False, 1)])
+def test_a_visit_is_the_state_at_a_stop(few: bool, count: int) -> None:
+    found = 0
     for case in [*cases(0)[:count], *timed_cases()[:count]]:
         stopping, passing = case.machine(), case.machine()
         addresses = sorted(case.image.program)
@@ -35,4 +34,4 @@ def test_a_visit_is_the_state_at_a_stop(few: bool) -> None:
             assert (row[0x0C:0x50] & 0xFF).tolist() == list(state.ram)
             assert row[at.TMR0] == state.registers["TMR0"]
         found += len(stops)
-    assert found > 500
+    assert found > 250

@@ -44,27 +44,20 @@ BATCH, BATCHES = 10, 2
 
 @pytest.mark.parametrize("number", sampled(range(BATCHES)))
 def test_both_compilers_agree(number: int) -> None:
-    assert_same(programs_from(1_000_000 + number * BATCH), least=0.8)
+    """All results are equal, at every level, and most of the programs fit the chip.
 
-
-@pytest.mark.campaign
-@pytest.mark.parametrize(("level", "least"), sampled([("none", 0.5), ("size", 0.8)]))
-def test_both_agree_at_every_level(level: str, least: float) -> None:
-    programs = [replace(each, level=level) for each in programs_from(2_000_000)]
-    assert_same(programs, least=least)
-
-
-def programs_from(first: int) -> list[Program]:
-    return [generate(seed, ("c2c", "xc8")[seed % 2]) for seed in range(first, first + BATCH)]
-
-
-def assert_same(programs: list[Program], *, least: float) -> None:
-    """All results are equal, and at least so much of the programs fits the chip."""
+    `python -m tests.compiler.random` compares any number of them.
+    """
+    first = 1_000_000 + number * BATCH
+    programs = [
+        replace(generate(seed, ("c2c", "xc8")[seed % 2]), level=("speed", "size", "none")[seed % 3])
+        for seed in range(first, first + BATCH)
+    ]
     outcomes = compare(programs)
     pairs = list(zip(programs, outcomes, strict=True))
     wrong = [report(program, outcome) for program, outcome in pairs if outcome.bad]
     assert not wrong, "\n".join(wrong)
-    assert sum(outcome.kind == "same" for outcome in outcomes) >= least * len(programs)
+    assert sum(outcome.kind == "same" for outcome in outcomes) >= 0.7 * len(programs)
 
 
 def report(program: Program, outcome: Outcome) -> str:
