@@ -25,6 +25,7 @@ def test_what_is_too_much_is_refused_with_its_line(text: str, says: str) -> None
     assert caught.value.location.file == "big.toml"
 
 
+@pytest.mark.campaign
 def test_the_largest_that_is_allowed_is_read() -> None:
     parse(f"a = [{'1, ' * (MAX_ENTRIES - 1)}]", "big.toml")
     parse(".".join("a" * MAX_DEPTH) + f" = {2**63 - 1}", "deep.toml")

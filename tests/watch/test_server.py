@@ -281,6 +281,7 @@ def test_an_old_window_is_forgotten_only_after_many() -> None:
         served.stop()
 
 
+@pytest.mark.campaign
 def test_two_hundred_windows_leave_nothing_behind() -> None:
     """Each has its chip with snapshots while it is open; afterwards a few are kept that may be reloaded."""
     served = Running(hex_subject)
