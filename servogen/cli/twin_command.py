@@ -87,7 +87,6 @@ def twin(
     for path, suffixes, kind in ((files.picture, SUFFIXES, "picture"), (files.film, FILM_SUFFIXES, "film")):
         if path:
             check_suffix(path, suffixes, kind)
-    loaded = plan_job(load(job))
     settings = TwinSettings(
         ground=Ground(
             ground.friction,
@@ -101,6 +100,7 @@ def twin(
         seconds=run.seconds,
         loops=run.loops,
     )
+    loaded = plan_job(load(job))
     stimuli = load_stimuli(run.stimulus, loaded.clock) if run.stimulus else None
     with status(f"{loaded.name}: planning") as tell:
         verdict = twin_of(loaded, settings, run.hexfile, stimuli, lambda step: tell(f"{loaded.name}: {step}"))
