@@ -8,6 +8,7 @@ from __future__ import annotations
 import cmath
 import math
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -15,18 +16,24 @@ import pytest
 from servogen.errors import ServogenError
 from servogen.kinematics.leg_kinds import LEG_KINDS
 from servogen.motion.gait.steps import Segment
-from tests.motion.random_walks import Missed, campaign, missed, rigid_way
+from tests.motion.random_walks import Drawn, Missed, campaign, missed, rigid_way
+
+
+@cache
+def robots(kind: str) -> list[tuple[Drawn, Missed | ServogenError]]:
+    """A few walks and what became of them, drawn once."""
+    return list(campaign(kind, 8, seed=2))
 
 
 @pytest.mark.parametrize("kind", LEG_KINDS)
 def test_rigid_legs_take_random_robots_where_they_were_asked_to_go(kind: str) -> None:
-    walks = [(one, each) for one, each in campaign(kind, 8, seed=2) if isinstance(each, Missed)]
+    walks = [(one, each) for one, each in robots(kind) if isinstance(each, Missed)]
     assert len(walks) >= 2
     assert all(each.good for _, each in walks), [(one.way, one.rhythm, each) for one, each in walks]
 
 
 def test_the_refusals_of_random_robots_say_what_would_mend_them() -> None:
-    refused = [each for _, each in campaign("hip-lift", 8, seed=2) if isinstance(each, ServogenError)]
+    refused = [each for _, each in robots("hip-lift") if isinstance(each, ServogenError)]
     assert refused and all(error.hint for error in refused)
 
 
@@ -48,7 +55,7 @@ def test_the_check_finds_the_way_of_feet_that_stand_and_of_feet_that_are_dragged
 
 
 def test_a_walk_that_misses_is_seen() -> None:
-    one, _ = next(pair for pair in campaign("hip-lift", 8, seed=2) if isinstance(pair[1], Missed))
+    one, _ = next(pair for pair in robots("hip-lift") if isinstance(pair[1], Missed))
     made = one.planned()
     elsewhere = cmath.exp(1j * math.radians(2)) * complex(one.segment.forward, one.segment.left)
     asked = replace(one.segment, forward=elsewhere.real, left=elsewhere.imag, turn=one.segment.turn + 0.02)
