@@ -17,7 +17,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 help:
 	@echo "make demo      install into $(VENV), build every job under jobs/, print one table: exact, and proven"
-	@echo "make test      the tests of a change, which also rebuild firmware/"
+	@echo "make test      the tests of a change, which also rebuild half of firmware/"
 	@echo "make test-changed  of these only the ones that import what changed, the nearest first, up to a failure"
 	@echo "make campaigns the long tests: random robots and programs, hostile builds, clean clones, locales, clusters"
 	@echo "make check     format, lint, types and all tests"

@@ -144,6 +144,7 @@ def template(folder: Path, old: str = "", new: str = "") -> dict[str, str]:
     return inputs(**workflow["jobs"]["timing"]["steps"][1]["with"])
 
 
+@pytest.mark.campaign
 def test_the_template_passes(tmp_path: Path) -> None:
     code, out, ran = act(tmp_path, template(tmp_path))
     assert (code, ran) == (0, ["inputs", "contract", "facts", "tests"]), out
@@ -186,6 +187,7 @@ def test_what_was_never_written_fails_the_step_of_the_facts_and_is_annotated(tmp
     assert all("main.bright" in message for *_, message in found)
 
 
+@pytest.mark.campaign
 def test_the_ten_examples_pass_as_tests_of_the_action(tmp_path: Path) -> None:
     write(tmp_path, PROGRAMS, TESTS)
     code, out, _ = act(tmp_path, inputs(tests=" ".join(TESTS)))

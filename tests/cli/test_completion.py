@@ -14,13 +14,15 @@ from pathlib import Path
 
 import pytest
 
-COMPLETIONS = {
+WORDS = {
     "servogen gr": ["grade"],
     "servogen check-": ["check-certificate"],
     "servogen grade --ju": ["--junit"],
     "servogen schema l": ["lab"],
     "servogen nothing-like-it": [],
 }
+COMPLETIONS = {line: WORDS[line] for line in ("servogen gr", "servogen schema l", "servogen nothing-like-it")}
+"""What is completed in the shells whose completion is installed: servogen starts anew for each."""
 
 
 def environment(home: Path) -> dict[str, str]:
@@ -117,3 +119,17 @@ def test_fish_completes_after_install_completion(tmp_path: Path) -> None:
     for line, expected in COMPLETIONS.items():
         shown = fish(f'complete -C "{line}"').splitlines()
         assert [entry.split("\t")[0] for entry in shown] == expected
+
+
+@pytest.mark.campaign
+@pytest.mark.skipif(shutil.which("bash") is None, reason="bash is not installed")
+def test_bash_completes_commands_options_and_values(tmp_path: Path) -> None:
+    """With the script that --show-completion prints, in a shell that finds servogen on its path."""
+    script = 'eval "$(servogen --show-completion)"\n'
+    for line in WORDS:
+        script += f"COMP_WORDS=({line}); COMP_CWORD={len(line.split()) - 1}; COMPREPLY=()\n"
+        script += '_servogen_completion servogen; echo "${COMPREPLY[*]}"\n'
+    done = subprocess.run(
+        ["bash", "--norc", "-c", script], capture_output=True, text=True, env=environment(tmp_path)
+    )
+    assert done.stdout.splitlines() == [" ".join(expected) for expected in WORDS.values()], done.stderr

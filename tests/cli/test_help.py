@@ -1,11 +1,10 @@
 """What `--help` says is what was written, and every command is found by its name."""
 
-import os
 import re
-import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -150,47 +149,39 @@ def test_the_list_of_commands_says_of_each_what_its_own_help_says() -> None:
         assert listed.help
 
 
-def loaded_by(*words: str) -> list[str]:
-    """The modules of servogen that a command has loaded when it ends, without `servogen.`."""
+@cache
+def loaded_by(*words: str) -> frozenset[str]:
+    """The modules that a command, in a process of its own, has loaded when it ends."""
     code = (
         f"import sys; sys.argv = {['servogen', *words]!r}\n"
         "from servogen.cli import main\n"
         "try: main()\n"
-        "except SystemExit: print(*(name for name in sys.modules if name.startswith('servogen.')))"
+        "except SystemExit: print(*sys.modules)"
     )
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    return [name.removeprefix("servogen.") for name in ran.stdout.splitlines()[-1].split()]
+    return frozenset(ran.stdout.splitlines()[-1].split())
+
+
+def packages_of(modules: frozenset[str]) -> set[str]:
+    """The packages of servogen that these modules are in."""
+    return {name.split(".")[1] for name in modules if name.startswith("servogen.")}
 
 
 def test_only_the_module_of_the_command_is_loaded() -> None:
     """What the other commands need costs no time at the start."""
-    modules = set(MODULES.values())
-    for name in ("mobility", "check-certificate"):
-        loaded = {each.removeprefix("cli.") for each in loaded_by(name, "--help")}
-        assert loaded & modules == {MODULES[name]}
-    assert {each.removeprefix("cli.") for each in loaded_by("--help")} & modules == set()
+    modules = {f"servogen.cli.{module}" for module in MODULES.values()}
+    assert loaded_by("mobility", "--help") & modules == {f"servogen.cli.{MODULES['mobility']}"}
+    assert loaded_by("--help") & modules == set()
 
 
 def test_checking_a_job_loads_no_compiler_no_simulator_and_no_library_for_pictures() -> None:
     """A check plans: what makes, runs and shows the firmware is loaded by the commands that do so."""
     loaded = loaded_by("check", JOB)
-    packages = {name.partition(".")[0] for name in loaded}
     unused = {"compiler", "simulator", "verify", "traces", "prove", "movemaster"}
-    assert packages.isdisjoint(unused)
-    assert "job.plan" in loaded
-    assert "workflows.job_build" not in loaded
-
-
-def test_checking_a_job_loads_only_the_libraries_that_it_needs() -> None:
-    code = (
-        "import sys; from servogen.cli.app import run; sys.argv = ['servogen', 'check', sys.argv[1]]\n"
-        "before = {*sys.modules}; run(); print(*{name.partition('.')[0] for name in {*sys.modules} - before})"
-    )
-    words = [sys.executable, "-c", code, JOB]
-    ran = subprocess.run(words, capture_output=True, text=True, check=True)
-    loaded = set(ran.stdout.splitlines()[-1].split())
-    needed = {"numpy", "pydantic", "rich", "tree_sitter"}
-    assert needed <= loaded
+    assert packages_of(loaded).isdisjoint(unused)
+    assert "servogen.job.plan" in loaded
+    assert "servogen.workflows.job_build" not in loaded
+    assert {"numpy", "pydantic", "rich", "tree_sitter"} <= loaded
     heavy = {
         "scipy",
         "sympy",
@@ -241,32 +232,8 @@ def test_the_commands_are_shown_in_groups_and_h_is_help(run: Run) -> None:
         assert run(command, "-h").out == run(command, "--help").out
 
 
-COMPLETIONS = [
-    ("servogen gr", 1, "grade"),
-    ("servogen check-", 1, "check-certificate"),
-    ("servogen grade --ju", 2, "--junit"),
-    ("servogen schema l", 2, "lab"),
-    ("servogen nothing-like-it", 1, ""),
-]
-
-
-@pytest.mark.campaign
-@pytest.mark.skipif(shutil.which("bash") is None, reason="bash is not installed")
-def test_bash_completes_commands_options_and_values() -> None:
-    """With the script that --show-completion prints, in a shell that finds servogen on its path."""
-    script = 'eval "$(servogen --show-completion)"\n'
-    for line, number, _ in COMPLETIONS:
-        script += f"COMP_WORDS=({line}); COMP_CWORD={number}; COMPREPLY=()\n"
-        script += '_servogen_completion servogen; echo "${COMPREPLY[*]}"\n'
-    path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
-    done = subprocess.run(
-        ["bash", "--norc", "-c", script], capture_output=True, text=True, env={**os.environ, "PATH": path}
-    )
-    assert done.stdout.splitlines() == [expected for *_, expected in COMPLETIONS], done.stderr
-
-
 def test_a_hex_file_is_simulated_without_the_compiler_and_the_engines() -> None:
-    program = Path(__file__).parent.parent.parent / "firmware" / "lab8-exercise" / "main.hex"
-    loaded = {name.split(".")[0] for name in loaded_by("simulate", str(program), "--cycles", "100")}
+    program = Path(__file__).parents[2] / "firmware" / "lab8-exercise" / "main.hex"
+    loaded = packages_of(loaded_by("simulate", str(program), "--cycles", "100"))
     assert "simulator" in loaded
-    assert not loaded & {"build", "compiler", "engines", "job", "kinematics", "motion", "pulse"}
+    assert not loaded & {"workflows", "compiler", "engines", "job", "kinematics", "motion", "pulse"}

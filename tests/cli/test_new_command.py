@@ -10,29 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from servogen.job import KINDS, load, plan_job
-from servogen.pulse import plan
-from servogen.robot import servo_models
+from servogen.job import load, plan_job
+from servogen.job.starter import starter
 from servogen.workflows.engines import planned
-from servogen.workflows.pair import chip_jobs
 from tests.campaigns import sampled
 from tests.cli.conftest import Run
+from tests.cli.new_jobs import EVERY, TOO_NARROW, fits_its_chips, planned_without_a_warning
 
-MODELS = {name: servo_models.servo_model(name) for name in servo_models.names()}
-TOO_NARROW = {
-    ("arm", "kst-x08h"),
-    ("hexapod", "kst-x08h"),
-    ("hexapod", "savox-sc-1251mg"),
-    ("hexapod", "savox-sc-1256tg"),
-    ("hexapod-hip-lift", "kst-x08h"),
-}
-"""Servos of 90° or 100°, of which these robots need more."""
-EVERY = [
-    (kind, servo)
-    for kind in KINDS
-    for servo, model in MODELS.items()
-    if model.continuous == (kind == "omni") and (kind, servo) not in TOO_NARROW
-]
 NARROW = """\
 title = "Narrow"
 points = [{ angle_deg = 60, width_us = 1200 }, { angle_deg = 120, width_us = 1800 }]
@@ -48,30 +32,21 @@ def models(file: str) -> set[str]:
     return {servo["model"] for servo in tomllib.loads(Path(file).read_text("utf-8"))["servo"]}
 
 
-@pytest.mark.parametrize(("kind", "servo"), sampled(EVERY, 8))
-def test_every_robot_with_every_servo_is_planned_without_a_warning(run: Run, kind: str, servo: str) -> None:
+@pytest.mark.parametrize(("kind", "servo"), sampled(EVERY[::7], 6))
+def test_a_robot_with_a_servo_is_planned_without_a_warning(run: Run, kind: str, servo: str) -> None:
+    """`python -m tests.cli.new_jobs` plans every one."""
     ran = run("new", "my.toml", "--robot", kind, "--servo", servo)
     assert (ran.code, ran.err) == (0, "")
     assert ran.out.splitlines()[1:] == ["  servogen check my.toml", "  servogen watch my.toml"]
     assert models("my.toml") == {servo}
-    job = plan_job(load(Path("my.toml")))
-    shortest, longest = MODELS[servo].calibration.widths_us
-    assert job.warnings == ()
-    for part in chip_jobs(job) if job.chips else (job,):
-        pulses = plan(part.trajectory, part.servos, part.frame)
-        assert pulses.warnings == ()
-        assert all(shortest <= width.requested_us <= longest for width in pulses.widths)
+    planned_without_a_warning(Path("my.toml").read_text("utf-8"), servo)
 
 
 @pytest.mark.campaign
-@pytest.mark.parametrize(("kind", "servo"), EVERY[::7])  # all of them take six minutes: EVERY
-def test_every_robot_with_every_servo_fits_its_chips_at_10_us(run: Run, kind: str, servo: str) -> None:
-    assert run("new", "my.toml", "--robot", kind, "--servo", servo).code == 0
-    job = plan_job(load(Path("my.toml")))
-    for part in chip_jobs(job) if job.chips else (job,):
-        played = planned(part)
-        assert played.plan.schedule.plan_error_us <= 10
-        assert played.make("c2c").compilation.words <= 1024
+@pytest.mark.parametrize(("kind", "servo"), EVERY[::21])
+def test_a_robot_with_a_servo_fits_its_chips_at_10_us(kind: str, servo: str) -> None:
+    """`python -m tests.cli.new_jobs --fits` fits every one."""
+    fits_its_chips(starter(kind, servo, Path("my.toml")))
 
 
 def test_a_body_that_leans_is_played_as_it_is_planned_with_a_wide_servo(run: Run) -> None:
