@@ -27,6 +27,7 @@ from tests.bench.conftest import START, Run, run  # noqa: F401 - a fixture
 from tests.campaigns import sampled
 
 RIGHT = Path(__file__).parent / "programs" / "lab8-right" / "delays.c"
+WRONG = "int x = ;\n"
 LAB = load_lab("lab8-exercise")
 
 NAMES = st.text("aAbB.-+%~ /_\u00e9e\u0301\udcff\x1b\n", min_size=1, max_size=8)
@@ -66,32 +67,32 @@ def test_a_page_is_named_by_its_program() -> None:
 def test_pages_of_different_folders_do_not_collide(run: Run, tmp_path: Path) -> None:  # noqa: F811
     for name in ("a-b/c.c", "a/b-c.c"):
         (tmp_path / "class" / name).parent.mkdir(parents=True)
-        (tmp_path / "class" / name).write_text(RIGHT.read_text())
+        (tmp_path / "class" / name).write_text(WRONG)
     done = run("grade", "lab8-exercise", tmp_path / "class", "--pages", tmp_path / "pages", "--json")
     rows = json.loads(done.out)["programs"]
     assert sorted(file.name for file in (tmp_path / "pages").glob("*.md")) == ["a+b-c.c.md", "a-b+c.c.md"]
     for row in rows:
-        assert (tmp_path / "pages" / row["page"]).read_text().startswith(f"# {row['program']}: passed")
+        assert (tmp_path / "pages" / row["page"]).read_text().startswith(f"# {row['program']}: not passed")
 
 
 def test_a_page_that_cannot_be_written_costs_no_other_its_page(run: Run, tmp_path: Path) -> None:  # noqa: F811
     for name in ("ana.c", "dan.c"):
-        (tmp_path / name).write_text(RIGHT.read_text())
+        (tmp_path / name).write_text(WRONG)
     (tmp_path / "ana.c.md").mkdir()
     done = run("grade", "lab8-exercise", tmp_path, "--pages", tmp_path)
-    assert (done.code, "2 of 2 passed" in done.out) == (2, True)
+    assert (done.code, "0 of 2 passed" in done.out) == (2, True)
     assert "ana.c.md: error: is a directory" in done.err
-    assert (tmp_path / "dan.c.md").read_text().startswith("# dan.c: passed")
+    assert (tmp_path / "dan.c.md").read_text().startswith("# dan.c: not passed")
 
 
 def test_a_link_in_the_folder_of_the_pages_is_not_written_through(run: Run, tmp_path: Path) -> None:  # noqa: F811
     (tmp_path / "diary").write_text("dear diary")
     (tmp_path / "class").mkdir()
-    (tmp_path / "class" / "ana.c").write_text(RIGHT.read_text())
+    (tmp_path / "class" / "ana.c").write_text(WRONG)
     (tmp_path / "class" / "ana.c.md").symlink_to("../diary")
-    assert run("grade", "lab8-exercise", tmp_path / "class", "--pages", tmp_path / "class").code == 0
+    assert run("grade", "lab8-exercise", tmp_path / "class", "--pages", tmp_path / "class").code == 1
     assert (tmp_path / "diary").read_text() == "dear diary"
-    assert (tmp_path / "class" / "ana.c.md").read_text().startswith("# ana.c: passed")
+    assert (tmp_path / "class" / "ana.c.md").read_text().startswith("# ana.c: not passed")
 
 
 @UNHURRIED

@@ -137,18 +137,18 @@ def test_a_moment_has_the_same_bodies_whichever_way_it_is_reached(
 def test_snapshots_are_thinned_out_and_the_past_stays_the_same(
     walk: Subject, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "MAX_SNAPSHOTS", 24)
+    monkeypatch.setattr(module, "MAX_SNAPSHOTS", 12)
     monkeypatch.setattr(module, "RECENT", 500)
     session = WatchSession(walk)
     assert session.chip is not None
-    session.chip.seek(6 * S)
+    session.chip.seek(3 * S)
     twin = LiveTwin(walk.job, walk.clock, session.chip.edges)  # type: ignore[arg-type]
     early = []
-    for cycle in (1_550_000, *range(1_600_000, 6 * S + 1, 100_000)):
+    for cycle in (1_550_000, *range(1_600_000, 3 * S + 1, 100_000)):
         twin.follow(cycle)
         early = [*early[:1], numbers(twin)]
         assert {step for step in range(0, twin.step + 1, 100) if step >= twin.step - 500} <= set(twin._at)
-    assert twin.snapshots <= 24  # 60 are due
+    assert twin.snapshots <= 12  # 30 are due
     twin.follow(1_550_000)
     assert numbers(twin) == early[0] != early[1]
     twin.follow(0)
