@@ -143,7 +143,7 @@ def test_progress_counts_every_program(tmp_path: Path) -> None:
 def test_the_command_goes_on_and_says_it(run: Run, tmp_path: Path) -> None:  # noqa: F811
     (tmp_path / "bomb.c").write_text(BOMB)
     (tmp_path / "right.c").write_text(RIGHT.read_text())
-    done = run("grade", "lab8-exercise", tmp_path, "--timeout", 1)
+    done = run("grade", "lab8-exercise", tmp_path, "--timeout", 2)
     assert done.code == 1
     assert "bomb.c    NOT PASSED" in done.out
     assert "1 of 2 passed" in done.out
