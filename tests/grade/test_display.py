@@ -163,12 +163,6 @@ def test_two_names_never_look_alike(names: list[str]) -> None:
         each.encode()
 
 
-def test_a_long_message_is_cut() -> None:
-    text = message("\n".join(str(number) + "x" * 1000 for number in range(1000)))
-    assert text.splitlines()[-1] == "… and 940 more lines"
-    assert max(map(len, text.splitlines())) == 502
-
-
 @pytest.mark.campaign
 @pytest.mark.parametrize(("locale", "tables"), sampled([("C.UTF-8", False), ("C", True)]))
 def test_names_that_are_not_utf8_work(tmp_path: Path, locale: str, tables: bool) -> None:
