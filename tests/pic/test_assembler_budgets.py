@@ -18,7 +18,12 @@ MACROS = "m{this} macro\n m{before}\n m{before}\n endm\n"
 @pytest.mark.parametrize(
     ("source", "says"),
     [
-        pytest.param(doubling("m0 macro\n nop\n endm\n", MACROS) + " m39\n end\n", "steps", id="macros"),
+        pytest.param(
+            doubling("m0 macro\n nop\n endm\n", MACROS) + " m39\n end\n",
+            "steps",
+            id="macros",
+            marks=pytest.mark.campaign,
+        ),
         pytest.param(doubling("m0 macro\n endm\n", MACROS) + " m39\n end\n", "steps", id="empty macros"),
         pytest.param(
             doubling("#define a0 1\n", "#define a{this} a{before}+a{before}\n") + "x equ a39\n end\n",

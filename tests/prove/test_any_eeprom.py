@@ -256,6 +256,7 @@ def test_a_trim_that_only_some_pulses_have_is_not_passed_over() -> None:
 
 
 @pytest.mark.parametrize("before", ["nop", "movf TMR0, w"])
+@pytest.mark.campaign
 def test_a_byte_that_is_read_through_fsr_is_any(before: str) -> None:
     """DS35007 section 2.5: FSR = 0x88 makes INDF another name of EECON1."""
     image, schedule = trimmed(read=THROUGH_FSR.format(before))
@@ -364,6 +365,7 @@ def test_the_steps_are_limited(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (found.proven, found.reason) == (False, "any EEPROM: more than 3 steps")
 
 
+@pytest.mark.campaign
 def test_what_only_another_content_writes_is_not_known_after_a_reset() -> None:
     """Byte 5 = 0x77 sets a bit of RAM, which stops the program after the next reset; at power-up RAM is 0."""
     first = f"""

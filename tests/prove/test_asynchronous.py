@@ -279,6 +279,7 @@ def interrupted_by_a_write() -> Image:
     return assembled(PULSE + ON_ITS_END + STOPPED, ON_WRITTEN)
 
 
+@pytest.mark.campaign
 def test_the_interrupt_at_the_end_of_a_write_comes_in_any_cycle() -> None:
     image = assembled(ON_ITS_END + PULSE + STOPPED, ON_WRITTEN)
     schedule = replace(once(), clock=SLOWER)

@@ -312,7 +312,7 @@ rest    decfsz 0x21, f
     schedule = schedule_of(1 + 2 + 299 + 1 + 2 + 749 + 2, 302)
     quiet = prove_for_all(assembled(body.format(enable="0"), handler), schedule)
     assert quiet.proven, quiet.reason
-    found = prove_for_all(assembled(body.format(enable=enable), handler), schedule, max_states=500)
+    found = prove_for_all(assembled(body.format(enable=enable), handler), schedule, max_states=100)
     assert not found.proven
 
 

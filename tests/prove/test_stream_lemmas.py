@@ -116,6 +116,7 @@ def test_a_slot_without_a_servo_has_no_pulse(listing: Listing) -> None:
         assert fault(lambda: other.prepare([2])).startswith(text)  # noqa: B023
 
 
+@pytest.mark.campaign
 def test_the_preparation_of_the_first_slot_begins_the_frame(
     listing: Listing, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -223,6 +224,7 @@ def test_nothing_comes_between_the_start_of_interrupts_and_main_s_loop(listing: 
     assert fault(one.start) == "interrupts are enabled before all that comes before main's loop is done"
 
 
+@pytest.mark.campaign
 def test_the_turns_of_the_division_are_counted(listing: Listing, monkeypatch: pytest.MonkeyPatch) -> None:
     """Servo 1 has at most 778 cycles to go: three whole rounds, and a look at the remainder.
 
@@ -724,6 +726,7 @@ def test_main_and_an_interrupt_together_fit_the_stack() -> None:
         assert fault(one.stack) == text
 
 
+@pytest.mark.campaign
 def test_the_values_of_a_failed_lemma_lead_to_a_line_that_shows_it() -> None:
     # Of 254 times of a group one is wrong: random lines hardly find it, but the solver names it.
     text = changed_text("left = value;", "left = value; if (left == 77) left = 9;")

@@ -176,6 +176,7 @@ CHIP_PROGRAMS = {
 }
 
 
+@pytest.mark.campaign
 def test_programs_for_this_chip_are_counted_by_why_they_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

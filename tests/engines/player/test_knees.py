@@ -82,6 +82,7 @@ def walk() -> PlannedJob:
     return plan_job(load(CASE))
 
 
+@pytest.mark.campaign
 def test_a_robot_with_three_measured_points_fits_and_is_exact(walk: PlannedJob) -> None:
     """Its two-point twin is within 8.7 µs; without knees it is 18.8 µs off, and refused."""
     played = engines.planned(walk)

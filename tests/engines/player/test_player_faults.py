@@ -92,7 +92,7 @@ def test_a_watchdog_that_was_left_on_changes_no_edge(name: str, watchdog_us: int
         assert machine.state().resets["watchdog"] == 0
 
 
-@pytest.mark.parametrize(("mhz", "servos"), [(1, 6), (2, 10), (4, 13), (10, 13), (20, 13)])
+@pytest.mark.parametrize(("mhz", "servos"), sampled([(1, 6), (2, 10), (4, 13), (10, 13), (20, 13)]))
 def test_a_watchdog_of_7_ms_changes_no_edge_at_any_clock(mhz: int, servos: int) -> None:
     text = job_text(servos, sweep(servos, 1.28), clock_hz=mhz * 1_000_000, firmware="soft_start_s = 0.16")
     done = built_text(text)

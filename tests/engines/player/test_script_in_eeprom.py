@@ -87,6 +87,7 @@ def test_a_job_that_flash_cannot_hold_is_built_and_every_edge_is_exact() -> None
     assert report(done).count(text) == 1
 
 
+@pytest.mark.campaign
 def test_the_same_program_with_its_script_in_flash_is_too_large() -> None:
     job, motion = played(SIX_WAYS)
     stored = in_flash(motion.encoded.script.data)

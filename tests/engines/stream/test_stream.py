@@ -393,6 +393,7 @@ def test_the_model_without_a_command_does_what_the_schedule_of_the_build_says() 
             assert judge_edges(wanted, running(plan, made.image, span), span).passed
 
 
+@pytest.mark.campaign
 def test_a_pulse_is_prepared_before_its_slot() -> None:
     # The worst of the worst: eight servos at 4 MHz, groups, commands while the fail-safe comes.
     text = (JOBS / "stream-eight.toml").read_text().replace('"off"', '"neutral"\nsilence_s = 0.12')
@@ -459,9 +460,8 @@ def far_too_slow() -> tuple[str, ...]:
     return tuple(line.replace("waste", f"waste_{n}") for n in range(9) for line in waste(255))
 
 
-@pytest.mark.parametrize(
-    ("name", "turns"), sampled([("stream-eight", 9), ("stream-arm", 60), ("stream-fast", 200)])
-)
+@pytest.mark.parametrize(("name", "turns"), [("stream-eight", 9), ("stream-arm", 60), ("stream-fast", 200)])
+@pytest.mark.campaign
 def test_a_pulse_could_take_the_c_longer_and_be_in_time(name: str, turns: int) -> None:
     # Long ways in few frames, all servos at once, on a line that is never silent for long; then far too slow.
     text = (JOBS / f"{name}.toml").read_text().replace('"off"', '"neutral"\nsilence_s = 0.12')

@@ -99,7 +99,8 @@ def slots_of(listing: Listing, rows: list[tuple[int, int]]) -> list[tuple[int, i
     return found
 
 
-@pytest.mark.parametrize("name", sampled(["stream-arm", "stream-eight", "stream-fast"]))
+@pytest.mark.campaign
+@pytest.mark.parametrize("name", ["stream-arm", "stream-eight", "stream-fast"])
 def test_no_slot_of_a_busy_line_leaves_less_or_needs_more_than_the_bounds(name: str) -> None:
     program, rows = rows_of(name, {"stream-fast": 0.12}.get(name, 0.4), 5)
     found = slots_of(program.compilation.listing, rows)

@@ -59,7 +59,7 @@ def spans(rows: Packed, start: int, end: int) -> list[int]:
     return found
 
 
-@pytest.mark.parametrize("seed", sampled(range(20), 5))
+@pytest.mark.parametrize("seed", sampled(range(10), 3))
 def test_no_run_leaves_the_paths_on_which_indices_are_kept_apart(seed: int) -> None:
     _, _, rows = observed(seed)
     words = assembled(random_program(seed)).image.program
@@ -70,7 +70,7 @@ def test_no_run_leaves_the_paths_on_which_indices_are_kept_apart(seed: int) -> N
     assert set(rows[:, 1].tolist()) <= paths.executed
 
 
-@pytest.mark.parametrize("seed", sampled(range(60), 15))
+@pytest.mark.parametrize("seed", sampled(range(30), 10))
 def test_no_run_exceeds_what_the_analysis_allows(seed: int) -> None:
     facts, machine, rows = observed(seed)
     state = machine.state()
@@ -191,7 +191,7 @@ def periodic(**options: object) -> str:
     return PERIODIC.format(**{"test": IF_SET, "work": "nop", "option": 0x88, "turns": 20} | options)
 
 
-@pytest.mark.parametrize("added", sampled([1, 9, 100, 156, 180]))
+@pytest.mark.parametrize("added", sampled([9, 156, 180]))
 @pytest.mark.parametrize(("option", "turns"), [(0x88, 3), (0x88, 40), (0x88, 255), (0x80, 120)])
 @pytest.mark.parametrize("test", [IF_SET, IF_CLEAR])
 def test_an_interrupt_that_asks_for_its_flag_and_adds_to_tmr0_is_bounded(
