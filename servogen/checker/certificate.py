@@ -26,7 +26,8 @@ FRAME_NUMBER, PLACE, WIDTH = range(layout.SLOTS, layout.SLOTS + 3)
 place in the list.
 """
 WRITE_LEFT = "write_left"
-"""The column that may be missing: no state has an EEPROM write in progress."""
+TAPE_CLOCK = "tape_clock"
+"""The columns that may be missing: no state has an EEPROM write in progress, and there is no tape."""
 RAM = {f"ram.{address:02x}": address for address in range(layout.RAM, layout.RAM_END)}
 FREE = {*RAM, *(row.name for row in layout.REGISTERS if row.may_move)}
 """Columns of cells that may move with φ."""
@@ -35,7 +36,7 @@ CELLS |= {name: (slot, 0xFF) for name, slot in RAM.items()}
 """Columns of cells, with the bits that may be unknown."""
 NUMBERS = {**{row.name: (row.slot, row.reset) for row in layout.REGISTERS if not row.unknown},
            "pc": (layout.PC, 0x3FF), "depth": (layout.DEPTH, 8), "prescaler": (layout.PRESCALER, 0xFF),
-           WRITE_LEFT: (layout.WRITE_LEFT, 1 << 30),
+           WRITE_LEFT: (layout.WRITE_LEFT, 1 << 30), TAPE_CLOCK: (layout.POINTER, 9 << 16),
            "watchdog_age": (layout.AGE, 1 << 40), "time": (layout.TIME, 1 << 30),
            "frame": (FRAME_NUMBER, 1 << 30), "place": (PLACE, MAX_STATES),
            **{f"stack{level}": (layout.STACK + level, 0x3FF) for level in range(8)}}  # fmt: skip
@@ -43,7 +44,8 @@ NUMBERS = {**{row.name: (row.slot, row.reset) for row in layout.REGISTERS if not
 LEAST = {"frame": AWAITED, "time": -(1 << 30)}
 """The least ones, of those that may be negative: a frame that follows a wire's rise begins before time 0."""
 KEYS = {"format": int, "image": str, "schedule": str, "clock_hz": int, "held": dict,
-        "assumptions": list, "cuts": list, "count": int, "places": list, "columns": dict}  # fmt: skip
+        "assumptions": list, "cuts": list, "count": int, "places": list, "columns": dict,
+        "tape": str}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,8 @@ class Certificate:
     cuts: frozenset[int]
     places: list[Place]
     states: Ints
+    tape: str = ""
+    """The digest of the tape's content."""
 
     @property
     def count(self) -> int:
@@ -71,7 +75,7 @@ def read_certificate(packed: bytes, file: str) -> Certificate:
         text = unpacker.decompress(packed, MAX_TEXT + 1)
         if len(text) > MAX_TEXT or not unpacker.eof or unpacker.unused_data:
             raise ValueError("the file is cut short, too large, or has something after its end")
-        data = json.loads(text)
+        data = {"tape": ""} | json.loads(text)
         if {key: type(value) for key, value in data.items()} != KEYS or data["format"] != 2:
             raise ValueError(f"it needs format 2 and the keys {', '.join(KEYS)}")
         return _certificate(data)
@@ -92,7 +96,7 @@ def _certificate(data: dict[str, Any]) -> Certificate:
     words = [word for place in places for word in (place.levels, place.sampled)]
     if any(type(word) is not int or not 0 <= word < 1 << len(PINS) for word in words):
         raise ValueError("places")
-    columns = {WRITE_LEFT: {"all": 0}} | data["columns"]
+    columns = {name: {"all": 0} for name in (WRITE_LEFT, TAPE_CLOCK)} | data["columns"]
     if columns.keys() != {*CELLS, *NUMBERS}:
         raise ValueError(f"columns {', '.join(sorted(columns.keys() ^ {*CELLS, *NUMBERS}))}")
     states = np.zeros((count, WIDTH), dtype=np.int64)
@@ -110,7 +114,7 @@ def _certificate(data: dict[str, Any]) -> Certificate:
     states[:, layout.INTCON] |= (layout.INTF | layout.RBIF) << 8 & ~(states[:, layout.INTCON] << 8)
     if (states[:, PLACE] >= len(places)).any():
         raise ValueError("column place")
-    fields = {key: data[key] for key in ("image", "schedule", "clock_hz", "held")}
+    fields = {key: data[key] for key in ("image", "schedule", "clock_hz", "held", "tape")}
     return Certificate(**fields, cuts=frozenset(cuts), places=places, states=states)
 
 

@@ -50,6 +50,8 @@ MAX_RUNS = 500_000
 """From one stop to the next: some minutes."""
 PAUSE = 100
 """In this cycle runs stop once, so that those which have forgotten their differences go on as one."""
+TLOW_US, THIGH_US = 1.3, 0.6
+"""DS20001203, table 1-2: TLOW and TBUF; THIGH, THD:STA, TSU:STA and TSU:STO. TSU:DAT is less than a cycle."""
 RC, FASTEST = 3, (200_000, 4_000_000, 20_000_000, 0)
 """Bits of the configuration word, and the largest clocks of LP, XT, HS and RC in Hz (section 6.2)."""
 WATCHDOG_US, WATCHDOG_ON = 7_000, 4
@@ -106,6 +108,7 @@ class Checker:
             chip.program_code(image, certificate.cuts),
             np.array([*cells, 0, 0]),
             chip.slot_table(),
+            np.frombuffer(plan.tape.content if plan.tape else b"\0", dtype=np.uint8).astype(np.int64),
             memo=np.full((layout.MEMO, 2), -1),
         )
         self._board = layout.ChipSurroundings(
@@ -118,6 +121,12 @@ class Checker:
             watchdog=int(WATCHDOG_US / Clock(plan.clock_hz).cycle_us) if watched else 0,
             longest_write=ceil(plan.write_us / Clock(plan.clock_hz).cycle_us),
         )
+        if plan.tape:
+            low, high = (ceil(us / Clock(plan.clock_hz).cycle_us) for us in (TLOW_US, THIGH_US))
+            pins, size, content = plan.tape
+            self._board = self._board._replace(
+                bus=pins, size=size, recorded=len(content), low_time=low, high_time=high
+            )
         self._following, self._sampled = cache(self._after), cache(self._sample)
         self._due = cache(lambda frame, place: plan.run_of(PlanPosition(frame, self._places[place].memory)))
         self._edge = cache(lambda due, time: bisect_left(plan.edges[due][0], time))
@@ -150,6 +159,11 @@ class Checker:
         )
         over += [f"every EEPROM write of at most {self._plan.write_us // 1000} ms"] * bool(self.writes)
         over += ["every content of the EEPROM"] * (self._any_eeprom or not self.reads)
+        tape = self._plan.tape
+        if tape:
+            digest = hashlib.sha256(tape.content).hexdigest()
+            known = f"{len(tape.content)} bytes have SHA-256 {digest[:16]}…"
+            over += [f"every state of a tape's EEPROM whose first {known}"]
         return tuple(over)
 
     @property
@@ -174,6 +188,8 @@ class Checker:
                 raise Refused(f"place {place}: the schedule has none such")
         if (rows[:, FRAME_NUMBER] >= self._plan.ends[-1]).any():
             raise Refused("the schedule has fewer frames than the listed states")
+        if self._plan.tape:
+            self._read_from(rows, self._plan.tape.content)
         numbers = np.array([*map(self._number, certificate.places), 0])
         rows[:, PLACE] = np.where(over, self._number(Place(OVER.memory)), numbers[rows[:, PLACE]])
         rows[:, layout.STAGE] = np.select([over, awaits], [layout.OVER, layout.AWAITS], layout.RUNS)
@@ -194,6 +210,20 @@ class Checker:
             self._listed.append((shape, dict(zip(_keys(rows[numbers_of], shape), numbers_of, strict=True))))
         return rows
 
+    @staticmethod
+    def _read_from(rows: Ints, content: bytes) -> None:
+        """Let the EEPROM give, in each state, the byte and bit of the tape that its column says."""
+        address, clock = np.divmod(rows[:, layout.POINTER], 9)
+        if (address >= len(content)).any():
+            raise Refused("the tape has fewer bytes than the listed states")
+        byte = np.frombuffer(content, dtype=np.uint8)[address].astype(np.int64)
+        low = (clock < 8) & (byte << clock & 0x80 == 0)
+        settled = [layout.GIVING, layout.SETTLED, layout.SETTLED]
+        rows[:, [layout.TAKES, layout.SCL_AGE, layout.SDA_AGE]] = settled
+        rows[:, [layout.CLOCKS, layout.SHIFT, layout.POINTER, layout.PULLS]] = np.stack(
+            [clock, byte, address + 1, low], axis=1
+        )
+
     def _started(self, rows: Ints) -> Ints:
         """Return listed states as those of a chip that runs on from there."""
         rows = rows.copy()
@@ -213,6 +243,8 @@ class Checker:
         frame, memory = self._plan.start
         s[[FRAME_NUMBER, PLACE, ORIGIN]] = frame, self._number(Place(memory)), -1
         s[DUE] = self._plan.run_of(self._plan.start)
+        if self._plan.tape:
+            s[[layout.TAKES, layout.POINTER]] = layout.ANYTHING, -1
         return s[None]
 
     def _number(self, place: Place) -> int:
@@ -480,13 +512,15 @@ def check_certificate(
     file: str,
     allowed: Collection[str] = (),
     any_eeprom: bool = False,
+    tape: bytes = b"",
 ) -> Checked:
-    """Return what was run to check the certificate of a program against a schedule, the contents of `file`.
+    """Return what was run to check the certificate of a program against a schedule, the contents of `file`,
+    and the content of its tape.
 
     The certificate may hold the pins that are `allowed`, and those at the one level that a schedule without a
     rule for them states. Raises Refused if it does not prove the rest, InputError if there is no schedule.
     """
-    plan = read_plan(schedule, file)
+    plan = read_plan(schedule, file, tape)
     if certificate.image != fingerprint(image):
         raise Refused("the certificate is of another program")
     config = RC if image.config is None else image.config
@@ -496,6 +530,10 @@ def check_certificate(
         raise Refused("the clock is faster than the chip")
     if certificate.schedule != hashlib.sha256(schedule).hexdigest() or certificate.clock_hz != plan.clock_hz:
         raise Refused("the certificate is of another schedule")
+    if certificate.tape != (hashlib.sha256(tape).hexdigest() if plan.tape else ""):
+        raise Refused("the certificate is of another tape")
+    if plan.tape and any(plan.tape.pins >> PINS.index(pin) & 1 for pin in certificate.held):
+        raise Refused("it holds a pin of the tape")
     restrictions = _restrictions(certificate.held, plan, allowed)
     checker = Checker(image, plan, certificate, any_eeprom)
     checked = checker.check()

@@ -22,6 +22,7 @@ typedef struct {
     const i64 (*code)[IS_CUT + 1]; /* the program, decoded: the columns FLOW .. IS_CUT */
     i64 *eeprom;                   /* its cells; then what layout.py says */
     const i64 *slots;              /* of each address, with the bank in bit 7 */
+    const i64 *tape;               /* the bytes of the tape */
     i64 (*memo)[2];                /* results of unknown operands, behind their keys */
 } Memory;
 
@@ -159,6 +160,8 @@ void tick(i64 *s)
     s[AGE]++;
     s[TIME] += s[STAGE] == RUNS || s[STAGE] == AWAITS;
     s[DARK] += s[DARK] > 0;
+    s[SCL_AGE] += s[TAKES] && s[SCL_AGE] < SETTLED;
+    s[SDA_AGE] += s[TAKES] && s[SDA_AGE] < SETTLED;
     s[KEY_1] -= s[KEY_1] > 0;
     s[KEY_2] -= s[KEY_2] > 0;
     if (s[STILL]) {
@@ -264,6 +267,135 @@ static i64 sleep(i64 *s, const Board *board)
     return GOES_ON;
 }
 
+/* The EEPROM of a tape, by DS20001203 ------------------------------------------------------------ */
+
+/* Returns the levels of SCL and SDA. */
+static i64 lines(const i64 *s, const Board *board)
+{
+    i64 tris = s[TRISA] | s[TRISB] << 5, dark = s[PORTA] >> 8 | s[PORTB] >> 8 << 5;
+    i64 out = (s[PORTA] & 0xFF) | (s[PORTB] & 0xFF) << 5, scl = board->bus & ~RA4;
+    if (tris & scl || dark & ~tris & board->bus)
+        return FLOATS;
+    return (out & scl ? SCL : 0) | ((out | tris) & RA4 && !s[PULLS] ? SDA : 0);
+}
+
+/* Lets the EEPROM be in any state, as it may be after a reset of the chip. */
+static void lose(i64 *s)
+{
+    s[TAKES] = ANYTHING;
+    s[POINTER] = -1;
+    s[CLOCKS] = s[SHIFT] = s[PULLS] = s[SEEN] = s[LOWS] = 0;
+}
+
+/* SCL rises: a bit is taken, or the chip does not acknowledge (section 8.0). */
+static void rise(i64 *s, const Board *board, i64 sda)
+{
+    if (s[SCL_AGE] < board->low_time)
+        lose(s);
+    else
+        s[SEEN] = UNREAD;
+    if (s[TAKES] <= START)
+        return;
+    s[CLOCKS]++;
+    if (s[TAKES] == GIVING && s[CLOCKS] == 9 && sda) {
+        lose(s);
+        s[TAKES] = START;
+        s[SEEN] = UNREAD;
+    } else if (s[TAKES] != GIVING && s[CLOCKS] <= 8) {
+        s[SHIFT] = (s[SHIFT] << 1 | !!sda) & 0xFFFF;
+    }
+}
+
+/* The chip's byte is complete: it is acknowledged (sections 5.0, 6.1). None is written. */
+static void take(i64 *s, const Board *board)
+{
+    bool reads = s[TAKES] == CONTROL && (s[SHIFT] & 0xFF) == 0xA1 && s[POINTER] >= 0;
+    if (s[TAKES] == ADDRESSED || (s[TAKES] == CONTROL && !reads && (s[SHIFT] & 0xFF) != 0xA0)) {
+        lose(s);
+        return;
+    }
+    if (s[TAKES] == LOW_BYTE)
+        s[POINTER] = s[SHIFT] & (board->size - 1);
+    s[TAKES] = reads ? GIVING : s[TAKES] + 1;
+    s[PULLS] = 1;
+}
+
+/* SCL falls: SDA is let go, or gets the next bit of a byte; the ninth is the chip's (section 8.3). */
+static void fall(i64 *s, const Memory *memory, const Board *board)
+{
+    if (s[SCL_AGE] < board->high_time || s[SDA_AGE] < board->high_time)
+        lose(s);
+    if (s[SEEN] != READ_LOW)
+        s[LOWS] = 0;
+    s[SEEN] = UNSURE;
+    s[PULLS] = 0;
+    s[CLOCKS] %= 9;
+    if (s[TAKES] != GIVING) {
+        if (s[CLOCKS] == 8)
+            take(s, board);
+    } else if (s[CLOCKS] == 0 && s[POINTER] >= board->recorded) {
+        lose(s);
+    } else {
+        if (s[CLOCKS] == 0)
+            s[SHIFT] = memory->tape[s[POINTER]++];
+        s[PULLS] = s[CLOCKS] < 8 && !(s[SHIFT] >> (7 - s[CLOCKS]) & 1);
+    }
+}
+
+/* SDA changes while SCL is high: a start, or a stop (section 4). The address stays if the start comes before
+   the first bit behind it. */
+static void condition(i64 *s, const Board *board, i64 sda)
+{
+    bool known = s[TAKES] != ANYTHING || s[SEEN] == READ_HIGH, in_time = s[SCL_AGE] >= board->high_time;
+    bool free = s[SDA_AGE] >= s[SCL_AGE] || s[SDA_AGE] >= board->low_time; /* after a stop */
+    i64 next = s[TAKES] == ADDRESSED && s[CLOCKS] == 1 && !sda ? s[POINTER] : -1;
+    lose(s);
+    if (known && in_time && free) {
+        s[TAKES] = sda ? START : CONTROL;
+        s[POINTER] = next;
+        s[SEEN] = UNREAD;
+    }
+}
+
+/* Tells the EEPROM what the lines are now, after they were `before`. */
+static void listen(i64 *s, const Memory *memory, const Board *board, i64 before)
+{
+    i64 now = lines(s, board), changed = before & FLOATS ? FLOATS : now ^ before;
+    if (changed & FLOATS || changed == (SCL | SDA)) /* which is first is not certain */
+        lose(s);
+    else if (changed == SCL && now & SCL)
+        rise(s, board, now & SDA);
+    else if (changed == SCL)
+        fall(s, memory, board);
+    else if (changed && now & SCL)
+        condition(s, board, now & SDA);
+    if (changed & (SCL | FLOATS))
+        s[SCL_AGE] = 0;
+    if (changed & (SDA | FLOATS))
+        s[SDA_AGE] = 0;
+    if (!(now & SDA))
+        s[LOWS] = 0;
+}
+
+/* Returns the cell of SDA that the chip reads where it lets go of it. While SCL is low the EEPROM may take up
+   to 900 ns (parameter 13) to change it. */
+static i64 sda_level(const i64 *s, const Board *board)
+{
+    bool known = s[TAKES] != ANYTHING, high = s[SEEN] == UNREAD && s[LOWS] == MOST_LOW;
+    if (!(lines(s, board) & SCL) || !(known || high || s[SEEN] >= READ_LOW))
+        return RA4 << 8;
+    return (known ? !s[PULLS] : high || s[SEEN] == READ_HIGH) ? RA4 : 0;
+}
+
+/* Notes the level of SDA, if it was chosen, that PORTA was read with: until SCL falls it stays so. */
+static void see(i64 *s, const Board *board, i64 porta)
+{
+    if (s[TAKES] != ANYTHING || s[SEEN] != UNREAD || !(lines(s, board) & SDA) || porta & RA4 << 8)
+        return;
+    s[SEEN] = porta & RA4 ? READ_HIGH : READ_LOW;
+    s[LOWS] += !(porta & RA4);
+}
+
 /* Registers ------------------------------------------------------------ */
 
 static bool is_port(i64 slot) { return slot == PORTA || slot == PORTB; }
@@ -272,8 +404,9 @@ static bool is_port(i64 slot) { return slot == PORTA || slot == PORTB; }
 i64 drive(i64 *s, const Edges *edges, const Board *board)
 {
     i64 tris = s[TRISA] | s[TRISB] << 5, edge = s[EDGE];
-    i64 out = ((s[PORTA] & 0x1F) | (s[PORTB] & 0xFF) << 5) & ~tris;
-    i64 dark = (s[PORTA] >> 8 | s[PORTB] >> 8 << 5) & ~tris;
+    i64 judged = ~tris & ~board->bus;
+    i64 out = ((s[PORTA] & 0x1F) | (s[PORTB] & 0xFF) << 5) & judged;
+    i64 dark = (s[PORTA] >> 8 | s[PORTB] >> 8 << 5) & judged;
     bool was_dark = s[STAGE] == BEFORE && s[DARK]; /* some chip's first pulse may have begun */
     s[DARK] = dark ? max(s[DARK], 1) : 0;
     if (s[STAGE] == BEFORE && out == 0)
@@ -302,7 +435,8 @@ static i64 read_port(const i64 *s, const Board *board, i64 slot)
         driven &= ~0x10; /* RA4 is an open drain: something outside may pull it low (section 4.1) */
     i64 held = ~driven & board->held >> shift;
     i64 unknown = ((s[slot] >> 8 & driven) | (~driven & ~held)) & used;
-    return (((s[slot] & driven) | (board->levels >> shift & held)) & used & ~unknown) | unknown << 8;
+    i64 cell = (((s[slot] & driven) | (board->levels >> shift & held)) & used & ~unknown) | unknown << 8;
+    return slot == PORTA && s[TAKES] && unknown & RA4 ? (cell & ~(RA4 << 8)) | sda_level(s, board) : cell;
 }
 
 /* Returns INTCON with T0IF unknown if TMR0 is, and may have overflowed. */
@@ -465,7 +599,10 @@ static i64 store(
         return write_slot(s, memory->eeprom, board, slot, r);
     if (r >> 8 && (r >> 16 || slot >= TRISA))
         return REGISTER;
+    i64 before = lines(s, board);
     s[slot] = slot == PORTA || slot == TRISA ? r & 0x1F1F : r;
+    if (s[TAKES])
+        listen(s, memory, board, before);
     return drive(s, edges, board);
 }
 
@@ -492,8 +629,15 @@ static i64 leave(i64 *s)
 }
 
 /* Returns whether a listed state can describe this one: it has no time of a timer that stands still, no
-   interrupt under way, no keys in EECON2, and no prescaler that has kept a count. */
-i64 at_rest(const i64 *s) { return !s[KEY_1] && !s[KEY_2] && !s[STILL] && !s[SAMPLED] && !s[RESCALED]; }
+   interrupt under way, no keys in EECON2, no prescaler that has kept a count, and of a tape no other EEPROM than
+   one that gives a byte, with SCL low. */
+i64 at_rest(const i64 *s)
+{
+    bool reads = s[TAKES] == GIVING && s[SEEN] == UNSURE && s[CLOCKS] + s[PULLS] < 9;
+    bool settled = s[SCL_AGE] == SETTLED && s[SDA_AGE] == SETTLED;
+    return !s[KEY_1] && !s[KEY_2] && !s[STILL] && !s[SAMPLED] && !s[RESCALED]
+        && (!s[TAKES] || (reads && settled));
+}
 
 /* Notes that a slot is read. */
 static void note_read(i64 *used, i64 slot)
@@ -570,6 +714,8 @@ static i64 execute(i64 *s, i64 *used, const Edges *edges, const Memory *memory, 
         if (reason != GOES_ON)
             return reason;
     }
+    if (slot == PORTA && row[READS_F])
+        see(s, board, a);
     /* 3: its effects */
     i64 flags = row[FLAGS] << 8 | row[FLAGS];
     s[STATUS] = (s[STATUS] & ~flags) | (both >> 24 & flags);

@@ -29,6 +29,8 @@ class ChipMemory(NamedTuple):
     """The cells of the EEPROM; then whether one was read, and whether a write began."""
     slots: Ints
     """Of each address, with the bank in bit 7."""
+    tape: Ints
+    """The bytes of a tape."""
     memo: Ints
     """Results of unknown operands, behind their keys."""
 

@@ -34,12 +34,29 @@ OPTION, TRISA, TRISB, EECON1, EECON2 = 0x51, 0x55, 0x56, 0x58, 0x59
  WAY,               # what happens by itself next, by choice: one of the `ASKED_BITS`
  ASKED, ASKED_BITS, # what has to be chosen: a bit of a slot, or one of several ways
  STACK) = range(0x60, 0x75)  # fmt: skip
-SLOTS = STACK + 8
+(TAKES,             # what the EEPROM of a tape takes next, or gives; 0 without one
+ SCL_AGE, SDA_AGE,  # the cycles since the chip changed the line, `SETTLED` at most
+ CLOCKS,            # of the EEPROM's byte
+ SHIFT,             # the bits that it has taken, or the byte that it gives
+ POINTER,           # the address of its next byte; -1 if it is not known
+ PULLS,             # whether it pulls SDA low
+ SEEN, LOWS,        # what was read of SDA since SCL rose; in how many clocks on end it was low
+ SLOTS) = range(STACK + 8, STACK + 18)  # fmt: skip
 UNKNOWN = 0xFF00
 BEFORE, RUNS, OVER, AWAITS = range(4)
 """`STAGE`: before the first pulse; frames follow one another; no pulse will follow; the wire of another chip
 is awaited, without pulses.
 """
+SETTLED, MOST_LOW, RA4 = 16, 9, 0x10
+"""More cycles than any time of the EEPROM; the clocks on end in which it may hold SDA, which is RA4: its
+acknowledge, and a byte of zeros, after which the chip does not acknowledge.
+"""
+SCL, SDA, FLOATS = 1, 2, 4
+"""The levels that chip and EEPROM give the lines; `FLOATS`: the chip's are not known."""
+ANYTHING, START, CONTROL, HIGH_BYTE, LOW_BYTE, ADDRESSED, GIVING = range(1, 8)
+"""`TAKES`: its state is not known; else what comes next: a start, a byte of the chip's, or its own byte."""
+UNSURE, UNREAD, READ_LOW, READ_HIGH = range(4)
+"""`SEEN`: SDA may change, because SCL is low or was too short; it stays as it is, and was read or not."""
 IS_NOP, NOTHING, ENDLESS = 4, 0x100, 0x200
 """`WAY`: a flag, which is set now; shifted left by `IS_NOP`, one with which SLEEP is a NOP, or which
 interrupts a cycle later; or no flag: nothing happens, but that the watchdog ends SLEEP; SLEEP does not end.
@@ -139,6 +156,14 @@ class ChipSurroundings(NamedTuple):
     """The shortest period of the watchdog in cycles; 0 if it is off."""
     longest_write: int = 0
     """The longest EEPROM write in cycles."""
+    bus: int = 0
+    """The pins of a tape: SCL, and RA4 as SDA; of its EEPROM the bytes, how many of them are known, and in
+    cycles what SCL has to be low, and high, at least.
+    """
+    size: int = 0
+    recorded: int = 0
+    low_time: int = 0
+    high_time: int = 0
 
 
 def _header() -> str:

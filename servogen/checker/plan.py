@@ -16,6 +16,7 @@ from typing import Any, ClassVar, NamedTuple, cast
 import numpy as np
 import numpy.typing as npt
 
+from servogen.checker.layout import RA4
 from servogen.checker.wire import WireReads
 from servogen.errors import InputError, Location
 
@@ -44,6 +45,14 @@ class Place(NamedTuple):
     memory: Memory
     levels: int = 0
     sampled: int = 0
+
+
+class TapeBeside(NamedTuple):
+    """The EEPROM of a tape: its pins, SCL and RA4, as a word; its bytes, and those of them that are known."""
+
+    pins: int
+    size: int
+    content: bytes
 
 
 class Button(NamedTuple):
@@ -206,6 +215,7 @@ class Plan:
     """The longest EEPROM write (parameter D122)."""
     fastest: int = 20_000_000
     """The chip's largest clock in Hz."""
+    tape: TapeBeside | None = None
 
     @property
     def waiting(self) -> int:
@@ -275,23 +285,19 @@ class Plan:
 
 
 UNCOMMANDED = StartStop(None, None, off=False, frames=1)
-TAPE = "its frames are in the EEPROM of a tape, which the checker does not have"
 NO_EDGES = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
 
 
-def read_plan(text: bytes, file: str) -> Plan:
-    """Return the plan in a schedule. Raises InputError."""
+def read_plan(text: bytes, file: str, tape: bytes = b"") -> Plan:
+    """Return the plan in a schedule, with the content of its tape. Raises InputError."""
     try:
-        data = json.loads(text)
-        if "tape" in data:
-            raise InputError("not-checked", TAPE, Location(file))
-        return _plan(data)
+        return _plan(json.loads(text), tape)
     except (ValueError, TypeError, KeyError, AttributeError, IndexError, RecursionError) as error:
         message = f"not a schedule: {type(error).__name__}: {error}"
         raise InputError("not-a-schedule", message, Location(file)) from error
 
 
-def _plan(data: dict[str, Any]) -> Plan:
+def _plan(data: dict[str, Any], tape: bytes) -> Plan:
     period = _number(data["period_cycles"], 1)
     buttons = [1 << PINS.index(entry["pin"]) for entry in _inputs(data)]
     pins = [1 << PINS.index(channel["pin"]) for channel in data["channels"]]
@@ -331,6 +337,7 @@ def _plan(data: dict[str, Any]) -> Plan:
         stated=frozenset() if buttons else frozenset(map(_stated, data.get("inputs", []))),
         write_us=8_000 if data.get("device") == "PIC16F84A" else 20_000,
         fastest=20_000_000 if data.get("device") in (None, "PIC16F84A") else 10_000_000,
+        tape=_tape(data["tape"], tape, sum(pins) | sum(buttons)) if data.get("tape") else None,
     )
 
 
@@ -382,6 +389,16 @@ def _commands(data: dict[str, Any]) -> Line | StepButton | DirectionButtons:
     rest = str(_number(data["rest_level"], 0, 1))
     rest_frames, stop_frames = (_number(data[name], 1, 99) for name in ("rest_frames", "stop_frames"))
     return Line(PINS.index(data["pin"]), rest, rest_frames, stop_frames, codes)
+
+
+def _tape(data: dict[str, Any], content: bytes, used: int) -> TapeBeside:
+    pins = 1 << PINS.index(data["scl"]) | RA4
+    kilobits = _number(int(data["eeprom"].removeprefix("24LC")), 32, 512)
+    if data["sda"] != "RA4" or pins == RA4 or pins & used or kilobits & kilobits - 1:
+        raise ValueError("a tape's SDA is RA4, an open drain, and its EEPROM a 24LC32 to 24LC512")
+    if not 0 < len(content) <= kilobits * 128:
+        raise ValueError(f"a tape of {len(content)} bytes in a {data['eeprom']}")
+    return TapeBeside(pins, kilobits * 128, content)
 
 
 def _wire(data: dict[str, Any], edges: list[tuple[Ints, Ints]], period: int) -> WireReads:

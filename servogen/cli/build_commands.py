@@ -282,16 +282,16 @@ def _theorems(
     verdicts = []
     schedule = result.plan.schedule
     for program in result.programs:
-        name, image, text = hex_name(result, program), program.image, schedule.json_text()
+        name, image = hex_name(result, program), program.image
         tell(f"{result.job.name}: {'proving' if prove else 'checking a proof of'} {program.firmware.dialect}")
         job = folder if certificates is None else certificates / result.job.name
         file = beside(job / name)
         if prove:
             verdicts.append(proved(file, image, schedule))
         elif certificates is not None:
-            verdicts.append(checked(file, image, text))
+            verdicts.append(checked(file, image, schedule))
         else:
-            verdicts.append(kept([file], image, text.encode()))
+            verdicts.append(kept([file], image, schedule))
     return verdicts
 
 
@@ -302,8 +302,7 @@ def _theorem_lines(result: Build, folder: Path, theorems: Sequence[CertificateVe
     for verdict, group in groupby(rows, key=lambda row: row[0]):
         files = [name for _, name in group]
         words = ["servogen", "prove", str(folder / files[0]), "--against", str(folder / "schedule.json")]
-        how = ", or build with --prove" if verdict.covered else " --accept-one-engine"
-        how = f": {shlex.join(words)}{how}" if verdict.missing else ""
+        how = f": {shlex.join(words)}, or build with --prove" if verdict.missing else ""
         yield f"every power-up, input and chip: {', '.join(files)}: {verdict.text}{how}"
 
 

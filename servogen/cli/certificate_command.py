@@ -14,6 +14,7 @@ from servogen.cli.show import as_json, status
 from servogen.inputs import read_input
 from servogen.pic.image import read_hex
 from servogen.programs import MAX_SCHEDULE_BYTES, program_file, read_source
+from servogen.pulse.schedule import TAPE_FILE
 from servogen.workflows.certificates import MAX_CERTIFICATE_BYTES
 
 
@@ -44,7 +45,10 @@ def check_certificate(
     try:
         with status(f"{hex_file.name}: checking {claim.count} states"):
             schedule = read_input(against, MAX_SCHEDULE_BYTES)
-            checked = checker.check_certificate(claim, image, schedule, str(against), allow_held or ())
+            file = against.with_name(TAPE_FILE)
+            tape = read_input(file) if file.is_file() else b""
+            held = allow_held or ()
+            checked = checker.check_certificate(claim, image, schedule, str(against), held, tape=tape)
     except checker.Refused as refused:
         covered = not isinstance(refused, checker.NotCovered)
         if json:

@@ -229,7 +229,7 @@ def _witness(
     held = claim.certify_held_inputs
     with status("checking the proof"):
         witness = certificates.second_witness(proof, program.image, schedule, text, held)
-    certificates.keep(witness, program.image, text)
+    certificates.keep(witness, program.image, text, schedule)
     if claim.certificate is not None:
         if not witness.certificate:
             hint = "--certify-held-inputs writes it" if proof.held and not held else ""

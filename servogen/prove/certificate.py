@@ -64,6 +64,7 @@ def certificate(
     columns = {name: [rows[node.rest][name] for node in nodes] for name in _NAMES}
     for place, address in enumerate(range(RAM_FIRST, RAM_LAST + 1)):
         columns[f"ram.{address:02x}"] = [node.ram[place] for node in nodes]
+    columns["tape_clock"] = [_tape_clock(proof.transitions, node.rest) or 0 for node in nodes]
     columns["time"] = [node.spec.time for node in nodes]
     columns["frame"] = [NO_FRAME.get(node.spec.phase, node.spec.frame) for node in nodes]
     reader = None if proof.held else schedule.commands
@@ -79,10 +80,14 @@ def certificate(
         "cuts": list(proof.cuts),
         "count": len(nodes),
         "places": list(places),
-        # Without a write to the EEPROM there is no column of it: such certificates stay as they are.
+        # Without a write to the EEPROM, or a tape, there is no column of it: such certificates stay as they
+        # are.
         "columns": {
-            name: _column(each) for name, each in columns.items() if name != "write_left" or any(each)
+            name: _column(each)
+            for name, each in columns.items()
+            if name not in ("write_left", "tape_clock") or any(each)
         },
+        **({"tape": sha256(schedule.tape.content).hexdigest()} if schedule.tape else {}),
     }
     text = json.dumps(content, separators=(",", ":"))
     return lzma.compress(text.encode(), preset=9 | lzma.PRESET_EXTREME)
@@ -145,12 +150,19 @@ _NAMES = (
 
 
 def _is_settled(transitions: Transitions, number: int) -> bool:
-    """Return whether no interrupt is under way, no key in EECON2, and TMR0 counts; the checker passes other
-    states by.
+    """Return whether no interrupt is under way, no key in EECON2, TMR0 counts, and a tape's EEPROM is amid a
+    byte of its own; the checker passes other states by.
     """
     rest = transitions.rest(number)
     keys = rest[FIELD["EE_STEP"]] and rest[FIELD["EE_STEP_AT"]] >= BASE - 2
-    return rest[FIELD["IRQ_AT"]] == NEVER and rest[FIELD["T0_AT"]] <= BASE and not keys
+    reads = _tape_clock(transitions, number) is not None
+    return rest[FIELD["IRQ_AT"]] == NEVER and rest[FIELD["T0_AT"]] <= BASE and not keys and reads
+
+
+def _tape_clock(transitions: Transitions, number: int) -> int | None:
+    """Return where on its tape the EEPROM is: see `TapeBeside.clock`; 0 without one."""
+    tape = transitions.chip.tape
+    return tape.clock(transitions.rest(number)[FIELD["DEVICE_STATE"]]) if tape else 0
 
 
 def _row(transitions: Transitions, number: int) -> dict[str, int]:

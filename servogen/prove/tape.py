@@ -50,6 +50,17 @@ class LeftEEPROM(RunningEEPROM):
     def left(self, left: tuple[bool, bool, bool, int, int]) -> None:
         self._known, self._addressed, self._steady, self._seen, self._lows = left
 
+    @property
+    def clock(self) -> int | None:
+        """Return nine times the address of the byte that it gives, and the clocks of it so far, while SCL is
+        low, and has been; None in other states.
+        """
+        changed = max(self._scl_at, self._sda_at, self._start_at)
+        settled = self._known and not self._levels & SCL and changed <= -(self._low + self._free)
+        if not settled or self._phase is not Phase.READING or (self._pulls and self._bits == 8):
+            return None
+        return (self._pointer - 1) % self.size * 9 + self._bits
+
     def saw(self, level: int) -> bool:
         """Take the level of SDA that the chip reads; return whether an EEPROM may give it."""
         if not (self._steady and self._levels & SCL):
@@ -137,6 +148,11 @@ class TapeBeside:
         if number == len(self._states):
             self._states.append(state)
         return number
+
+    def clock(self, number: int) -> int | None:
+        """Return where on the tape the EEPROM is in a state: see `LeftEEPROM.clock`."""
+        self.load(number, 0)
+        return self._eeprom.clock
 
     def saw(self, pins: int, levels: int) -> bool:
         """Take the levels of pins that the chip reads; return whether they may be such."""

@@ -297,12 +297,11 @@ def theorem_of(subject: Subject) -> str:
     """
     if subject.image is None or subject.schedule is None or subject.first_difference is not None:
         return ""
-    text = subject.schedule.json_text().encode()
     built = subject.path
     if subject.job is not None and built.suffix.lower() == JOB_SUFFIX:
         folder = PAIR_FOLDERS[subject.shown] if subject.pair is not None else ""
         built = Path("build") / subject.job.name / folder / "main.hex"
-    sentence = kept([beside(built)], subject.image, text).sentence
+    sentence = kept([beside(built)], subject.image, subject.schedule).sentence
     return sentence if subject.pair is None or not sentence else f"chip {1 + subject.shown}: {sentence}"
 
 

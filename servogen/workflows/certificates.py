@@ -6,7 +6,6 @@ In: a program and its schedule; proofs, or files of certificates. Out: what the 
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 from collections.abc import Iterable
 from contextlib import suppress
@@ -36,14 +35,11 @@ class CertificateVerdict:
     text: str
     valid: bool
     missing: bool = False
-    covered: bool = True
-    """Whether a proof of it can have a certificate."""
 
     @property
     def sentence(self) -> str:
         """Return what a page says of it beside the verdict on one run."""
-        how = "servogen build --prove" if self.covered else "servogen prove decides it by one engine"
-        return f"all runs: {self.text}" + (f": {how}" if self.missing else "")
+        return f"all runs: {self.text}" + (": servogen build --prove" if self.missing else "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +73,7 @@ def second_witness(
     try:
         claim = read_certificate(packed, "the certificate")
         held = claim.held if allow_held else ()
-        checked = check_certificate(claim, image, text, "schedule.json", held)
+        checked = check_certificate(claim, image, text, "schedule.json", held, tape=tape_of(schedule))
     except InputError as error:
         return Witnessed(not_covered=f"it: {error.first.message}")
     except NotCovered as error:
@@ -134,18 +130,18 @@ def proved(file: Path, image: Image, schedule: PulseSchedule) -> CertificateVerd
 
     Raises ToolError.
     """
-    text = schedule.json_text().encode()
-    found, verdict = _found([file], image, text)
+    found, verdict = _found([file], image, schedule)
     if verdict.valid:
         if found != file and found is not None:
             file.parent.mkdir(parents=True, exist_ok=True)
             write_bytes(file, read_input(found, MAX_CERTIFICATE_BYTES))
         return verdict
+    text = schedule.json_text().encode()
     verdict, _, witness = prove_program(image, schedule, text)
     if witness is not None and verdict.valid:
         file.parent.mkdir(parents=True, exist_ok=True)
         write_bytes(file, witness.certificate)
-        keep(witness, image, text)
+        keep(witness, image, text, schedule)
     return verdict
 
 
@@ -154,60 +150,69 @@ def beside(program: Path) -> Path:
     return program.with_name(f"{program.name.removesuffix('.hex')}{SUFFIX}")
 
 
-def cached(image: Image, text: bytes) -> Path | None:
-    """Return where the user's cache keeps the certificate of a program and a schedule's text; None without
-    a home.
+def tape_of(schedule: PulseSchedule) -> bytes:
+    """Return the content of a schedule's tape; none without one."""
+    return schedule.tape.content if schedule.tape else b""
+
+
+def cached(image: Image, text: bytes, tape: bytes = b"") -> Path | None:
+    """Return where the user's cache keeps the certificate of a program, a schedule's text and its tape; None
+    without a home.
     """
     base = Path(os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or "~/.cache")
     with suppress(RuntimeError):
-        name = hashlib.sha256(fingerprint(image).encode() + hashlib.sha256(text).digest()).hexdigest()
+        parts = fingerprint(image).encode(), hashlib.sha256(text).digest(), tape
+        name = hashlib.sha256(b"".join(parts)).hexdigest()
         return base.expanduser() / "servogen" / "certificates" / f"{name}{SUFFIX}"
     return None
 
 
-def keep(witness: Witnessed, image: Image, text: bytes) -> None:
+def keep(witness: Witnessed, image: Image, text: bytes, schedule: PulseSchedule) -> None:
     """Keep a checked certificate in the user's cache, where `build` finds it; a cache may be read-only."""
-    path = cached(image, text)
+    path = cached(image, text, tape_of(schedule))
     if witness.checked is not None and path is not None:
         with suppress(OSError, ToolError, InputError):
             path.parent.mkdir(parents=True, exist_ok=True)
             write_bytes(path, witness.certificate)
 
 
-def kept(files: Iterable[Path], image: Image, text: bytes) -> CertificateVerdict:
+def kept(files: Iterable[Path], image: Image, schedule: PulseSchedule) -> CertificateVerdict:
     """Return the checker's verdict on the first of `files`, or in the cache, that is a certificate of exactly
-    this program and schedule.
+    this program, schedule and tape.
     """
-    return _found(files, image, text)[1]
+    return _found(files, image, schedule)[1]
 
 
-def _found(files: Iterable[Path], image: Image, text: bytes) -> tuple[Path | None, CertificateVerdict]:
-    cache = cached(image, text)
+def _found(
+    files: Iterable[Path], image: Image, schedule: PulseSchedule
+) -> tuple[Path | None, CertificateVerdict]:
+    text, tape = schedule.json_text().encode(), tape_of(schedule)
+    digest = hashlib.sha256(tape).hexdigest() if schedule.tape else ""
+    own = fingerprint(image), hashlib.sha256(text).hexdigest(), digest
+    cache = cached(image, text, tape)
     for file in (*files, *([] if cache is None else [cache])):
         with suppress(InputError):  # a broken file is none
             claim = _claim(file) if file.is_file() else None
-            digest = hashlib.sha256(text).hexdigest()
-            if claim and (claim.image, claim.schedule) == (fingerprint(image), digest):
-                return file, _checked(claim, image, text)
-    if "tape" in json.loads(text):
-        return None, CertificateVerdict("not covered by the checker", False, missing=True, covered=False)
+            if claim and (claim.image, claim.schedule, claim.tape) == own:
+                return file, _checked(claim, image, schedule)
     return None, CertificateVerdict("not proven yet", False, missing=True)
 
 
-def checked(file: Path, image: Image, schedule: str) -> CertificateVerdict:
+def checked(file: Path, image: Image, schedule: PulseSchedule) -> CertificateVerdict:
     """Return the checker's verdict on a certificate, if it exists. Raises InputError if it is malformed."""
     if not file.exists():
         return CertificateVerdict("no certificate", False, missing=True)
-    return _checked(_claim(file), image, schedule.encode())
+    return _checked(_claim(file), image, schedule)
 
 
 def _claim(file: Path) -> Certificate:
     return read_certificate(read_input(file, MAX_CERTIFICATE_BYTES), str(file))
 
 
-def _checked(claim: Certificate, image: Image, text: bytes) -> CertificateVerdict:
+def _checked(claim: Certificate, image: Image, schedule: PulseSchedule) -> CertificateVerdict:
+    text = schedule.json_text().encode()
     try:
-        result = check_certificate(claim, image, text, "schedule.json")
+        result = check_certificate(claim, image, text, "schedule.json", tape=tape_of(schedule))
     except Refused as refused:
         return CertificateVerdict(f"refused: {refused}", False)
     # The held line of a stream is part of the theorem: the schedule says nothing of other levels.

@@ -110,7 +110,7 @@ def _theorem(result: Build) -> str:
     if not own.exact:
         return ""
     file = Path("build") / result.job.name / hex_name(result, own)
-    verdict = kept([certificate_of(file)], own.image, result.plan.schedule.json_text().encode())
+    verdict = kept([certificate_of(file)], own.image, result.plan.schedule)
     return f"one run: exact; {verdict.sentence}"
 
 
