@@ -249,9 +249,6 @@ def _verdict(facts: BuildFacts) -> Iterator[str]:
     for program in facts.programs:
         yield f"{program.hex_file}:"
         yield from (f"  {line}" for line in verdict_lines(program.verdict))
-    if facts.plan.schedule.tape is not None:
-        yield "This is one run of each, with the tape. Other power-ups and EEPROMs are not covered."
-        return
     yield "This is one run of each. For every power-up, input and chip:"
     yield "servogen prove main.hex --against schedule.json"
 

@@ -15,7 +15,7 @@ from servogen.checker import chip, layout
 from servogen.edges import PINS
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
-from servogen.simulator import Machine, MachineState, SimulatorOptions, Stimuli
+from servogen.simulator import EEPROM24, Machine, MachineState, SimulatorOptions, Stimuli, on_pins
 from servogen.simulator import layout as at
 from servogen.simulator.sources import Levels
 from servogen.units import Clock
@@ -68,17 +68,71 @@ def program(seed: int) -> Image:
     return Image(dict(enumerate(words)), 0x3FF1, {cell: rng.randrange(256) for cell in range(4)})
 
 
+SCL, SDA = 0x08, 0x10
+"""Of a tape, on PORTA."""
+
+
+def bus_program(seed: int) -> Image:
+    """A program that talks to an EEPROM at random: whole bytes, mostly of a read, and now and then anything.
+
+    What it has read is in 0x20 to 0x2F.
+    """
+    rng = random.Random(seed)
+    words = [encode("MOVLW", k=SDA), encode("MOVWF", f=5), encode("BSF", f=3, b=5)]
+    words += [encode("CLRF", f=5), encode("BCF", f=3, b=5)]
+    main = len(words)
+
+    def put(*levels: int) -> None:
+        for level in levels:
+            words.extend((encode("MOVLW", k=level), encode("MOVWF", f=5)))
+
+    def clock(sda: int) -> None:
+        put(sda, sda | SCL)
+        words.extend((encode("MOVF", f=5, d=0), encode("MOVWF", f=0x20 + rng.randrange(16))))
+        put(sda)
+
+    def start() -> None:
+        put(SDA, SDA | SCL)
+        words.extend((encode("BTFSS", f=5, b=4), encode("GOTO", k=len(words) + 2)))
+        put(SCL, 0)
+
+    def give(byte: int) -> None:
+        for bit in f"{byte:08b}1":
+            clock(SDA * int(bit))
+
+    def anything() -> None:
+        put(*(rng.choice((0, SCL, SDA, SCL | SDA)) for _ in range(rng.randrange(1, 4))))
+        words.append(encode(rng.choice(("BSF", "BCF")), f=5, b=rng.choice((3, 4))))
+
+    while len(words) < 950:
+        if rng.random() < 0.7:
+            start()
+        if rng.random() < 0.7:
+            for byte in (0xA0, 0, rng.randrange(6)):
+                give(byte)
+            start()
+        if rng.random() < 0.9:
+            give(0xA1)
+        for bit in range(rng.choice((9, 18, rng.randrange(20)))):
+            clock(SDA * (bit % 9 < 8 or rng.random() < 0.1))
+        if rng.random() < 0.3:
+            anything()
+    return Image(dict(enumerate([*words[:1020], encode("GOTO", k=main)])), 0x3FF1)
+
+
 class Compared(NamedTuple):
     instructions: int
     asked: int
     reason: int
     phased: bool
+    told: int = 0
+    """How often the checker knew the level of SDA before an instruction, while SCL was high."""
 
 
-def noise(rng: random.Random, cycles: int) -> Stimuli:
-    """Any pin at any level at any time."""
+def noise(rng: random.Random, cycles: int, bus: int = 0) -> Stimuli:
+    """Any pin at any level at any time, but those of a bus."""
     sources = []
-    for pin in range(len(PINS)):
+    for pin in (pin for pin in range(len(PINS)) if not bus >> pin & 1):
         times = sorted(rng.sample(range(cycles), rng.choice((0, 2, 40))))
         sources.append(Levels(pin, [(time, rng.randrange(2)) for time in times]))
     return Stimuli(sources)
@@ -96,19 +150,22 @@ def power_up() -> chip.Ints:
     return s
 
 
-def memory(image: Image) -> chip.ChipMemory:
+def memory(image: Image, tape: bytes = b"\0") -> chip.ChipMemory:
     eeprom = np.array([*(image.eeprom.get(cell, 0xFF) for cell in range(64)), 0, 0])
     memo = np.full((layout.MEMO, 2), -1)
     code = chip.program_code(image, frozenset())
-    return chip.ChipMemory(code, eeprom, chip.slot_table(), memo)
+    return chip.ChipMemory(code, eeprom, chip.slot_table(), np.array([*tape]), memo)
 
 
-def board(limit: int) -> layout.ChipSurroundings:
-    """A board on which nothing is held, that ends a run in the cycle `limit`."""
-    return layout.ChipSurroundings(limit, period=1 << 60, channels=0, buttons=0, held=0, levels=0, watchdog=0)
+def board(limit: int, recorded: int = 0) -> layout.ChipSurroundings:
+    """A board on which nothing is held, that ends a run in the cycle `limit`; with bytes of a tape."""
+    bus = {"bus": SCL | SDA, "size": 32768, "recorded": recorded, "low_time": 2, "high_time": 1}
+    return layout.ChipSurroundings(
+        limit, period=1 << 60, channels=0, buttons=0, held=0, levels=0, watchdog=0, **bus if recorded else {}
+    )
 
 
-def outputs(image: Image, machine: Machine, cycles: int) -> tuple[chip.Ints, chip.Ints]:
+def outputs(machine: Machine, cycles: int) -> tuple[chip.Ints, chip.Ints]:
     """The levels of the driven pins after each change, from the first that is not all low."""
     found: list[tuple[int, int]] = []
     last = 0
@@ -123,20 +180,31 @@ def outputs(image: Image, machine: Machine, cycles: int) -> tuple[chip.Ints, chi
     return np.array(at_, dtype=np.int64), np.array(out_, dtype=np.int64)
 
 
-def compare(image: Image, seed: int, cycles: int = 3000) -> Compared:
-    """Run both to the first thing that the checker refuses; raises AssertionError where they differ."""
-    rng = random.Random(seed)
-    options = SimulatorOptions(start_seed=seed, floating=rng.random() < 0.5, ra4_pull_up=False)
+def compare(image: Image, seed: int, cycles: int = 3000, tape: bytes = b"") -> Compared:
+    """Run both to the first thing that the checker refuses; raises AssertionError where they differ.
+
+    A tape is in an EEPROM that has more bytes than the checker knows.
+    """
+    rng, bus = random.Random(seed), SCL | SDA if tape else 0
+    beside = [on_pins(EEPROM24(tape + b"\x3c", protected=True), scl="RA3", sda="RA4")] * bool(tape)
+    floating = rng.random() < 0.5
+    options = SimulatorOptions(
+        start_seed=seed, floating=floating, ra4_pull_up=bool(tape), devices=tuple(beside)
+    )
     stimulus = rng.randrange(1 << 30)
-    machine = Machine(image, CLOCK, options, noise(random.Random(stimulus), cycles))
-    edge_at, edge_out = outputs(image, machine, cycles)
-    machine = Machine(image, CLOCK, options, noise(random.Random(stimulus), cycles))
-    held = memory(image)
+    edge_at = edge_out = NO_EDGES  # a program that talks to an EEPROM has no others
+    if not tape:
+        first = Machine(image, CLOCK, options, noise(random.Random(stimulus), cycles))
+        edge_at, edge_out = outputs(first, cycles)
+    machine = Machine(image, CLOCK, options, noise(random.Random(stimulus), cycles, bus))
+    held = memory(image, tape or b"\0")
     s = power_up()
-    phase, asked, instructions, stride = -1, 0, 0, rng.choice((1, 1, 7, 300))
+    if tape:
+        s[[layout.TAKES, layout.POINTER]] = layout.ANYTHING, -1
+    phase, asked, instructions, stride, told = -1, 0, 0, rng.choice((11, 13) if tape else (1, 1, 7, 300)), 0
     while s[layout.CYCLE] < cycles:
         used = np.zeros(layout.SLOTS, dtype=np.int64)
-        why = chip.run(s, used, edge_at, edge_out, held, board(int(s[layout.CYCLE]) + stride))
+        why = chip.run(s, used, edge_at, edge_out, held, board(int(s[layout.CYCLE]) + stride, len(tape)))
         while machine.cycles < s[layout.CYCLE]:
             machine.step()
             instructions += 1
@@ -146,13 +214,14 @@ def compare(image: Image, seed: int, cycles: int = 3000) -> Compared:
             give(s, state, image)
             continue
         if why not in (layout.TOO_LONG, layout.LAST_EDGE):
-            return Compared(instructions, asked, why, phase >= 0)
+            return Compared(instructions, asked, why, phase >= 0, told)
         assert machine.cycles == s[layout.CYCLE] and state.pc & 0x3FF == s[layout.PC], f"seed {seed}"
         contained(s, state, phase, seed)
+        told += s[layout.SEEN] == layout.UNREAD and s[layout.TAKES] == layout.GIVING
         if phase < 0 and s[layout.TMR0] >> 8 == 0 and not s[layout.INTCON] & 0x20 and rng.random() < 0.02:
             phase = rng.randrange(256)
             forget(s, rng, phase)
-    return Compared(instructions, asked, layout.TOO_LONG, phase >= 0)
+    return Compared(instructions, asked, layout.TOO_LONG, phase >= 0, told)
 
 
 def give(s: chip.Ints, state: MachineState, image: Image) -> None:

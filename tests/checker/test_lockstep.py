@@ -13,9 +13,10 @@ import pytest
 from servogen.checker import chip, layout
 from servogen.simulator.layout import ROWS
 from tests.checker.certify import image_of
-from tests.checker.lockstep import NO_EDGES, board, compare, memory, power_up, program
+from tests.checker.lockstep import NO_EDGES, board, bus_program, compare, memory, power_up, program
 
 PROGRAMS = int(os.environ.get("SERVOGEN_LOCKSTEP_PROGRAMS", "12"))
+TAPE = b"\xa5\x00\x3c\xff\x00"
 
 
 def test_every_register_of_the_simulator_has_its_slot() -> None:
@@ -33,6 +34,14 @@ def test_every_state_of_the_simulator_is_within_the_checkers() -> None:
     refused = {each.reason for each in found} - {layout.TOO_LONG}
     assert layout.WRONG_EDGE not in refused
     assert layout.MISSING not in refused
+
+
+def test_whatever_is_said_on_a_tapes_bus_the_checkers_eeprom_may_do_what_the_simulators_does() -> None:
+    seeds = range(PROGRAMS // 4)
+    found = [compare(bus_program(seed), seed, cycles=2000, tape=TAPE) for seed in seeds]
+    assert {each.reason for each in found} == {layout.TOO_LONG}
+    assert all(each.asked for each in found)  # nothing is known of it after a reset
+    assert sum(each.told for each in found) > PROGRAMS // 3
 
 
 def test_a_run_depends_on_no_byte_of_ram_but_those_that_it_reads_first() -> None:

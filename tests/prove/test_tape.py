@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from hashlib import sha256
+from typing import Any
 
 import pytest
 
+from servogen.checker import Refused, check_certificate
+from servogen.checker.certificate import fingerprint
 from servogen.cli.schedule_proof import judged_pins
 from servogen.edges import PINS
 from servogen.engines.tape.content import sum_of
@@ -18,7 +24,8 @@ from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import TapeRule
 from servogen.simulator.devices import React
 from servogen.units import Clock
-from servogen.workflows.certificates import second_witness
+from servogen.workflows.certificates import Witnessed, cached, second_witness
+from tests.checker import certify
 from tests.engines.tape.tape_jobs import made, with_content
 
 STILL = ("{ arm_deg = 30, hand_deg = 120, foot_deg = 80, hold_s = 0.1 }",)
@@ -31,17 +38,41 @@ def still() -> tuple[PulseSchedule, Image]:
     return played.plan.schedule, image
 
 
+@cache
+def witnessed() -> tuple[Proof, Witnessed]:
+    """The proof of the still pose, and what the checker says of it."""
+    schedule, image = still()
+    proof = proof_of(schedule, image)
+    assert proof.proven, proof.reason
+    return proof, second_witness(proof, image, schedule, schedule.json_text().encode())
+
+
+def claimed() -> dict[str, Any]:
+    """The certificate of the still pose."""
+    return certify.unpack(witnessed()[1].certificate)
+
+
+def refusal(data: dict[str, Any], schedule: PulseSchedule, image: Image) -> str:
+    """What the checker says of a certificate whose head is that of the program and the tape."""
+    assert schedule.tape is not None
+    content = schedule.tape.content
+    head = {"image": fingerprint(image), "tape": sha256(content).hexdigest()}
+    text = schedule.json_text().encode()
+    with pytest.raises(Refused) as refused:
+        check_certificate(certify.reread(data | head), image, text, "schedule.json", tape=content)
+    return str(refused.value)
+
+
 def proof_of(schedule: PulseSchedule, image: Image) -> Proof:
     return prove_for_all(image, schedule, max_states=300)
 
 
 def test_every_edge_is_the_schedules_whatever_state_the_eeprom_was_left_in() -> None:
-    schedule, image = still()
-    proof = proof_of(schedule, image)
-    assert proof.proven, proof.reason
+    schedule, _ = still()
+    proof, witness = witnessed()
     assert any("the EEPROM of the tape holds" in text for text in proof.assumptions)
-    witness = second_witness(proof, image, schedule, schedule.json_text().encode())
-    assert witness.text.endswith("in the EEPROM of a tape, which the checker does not have")
+    assert witness.text == "proven, checked" and witness.checked is not None
+    assert any(text.startswith("every state of a tape's EEPROM") for text in witness.checked.over)
     assert judged_pins(schedule) == "all pins but RA3 and RA4, a tape's bus,"
 
 
@@ -55,13 +86,62 @@ def test_a_wrong_byte_whose_sum_is_right_has_a_counterexample() -> None:
     assert not proof.proven and proof.counterexample is not None
 
 
+def test_a_certificate_is_of_one_tape() -> None:
+    schedule, image = still()
+    other = with_content(schedule, b"\0" * 40)
+    assert schedule.tape is not None and other.tape is not None
+    text = schedule.json_text().encode()
+    claim = certify.reread(claimed())
+    with pytest.raises(Refused, match="another tape"):
+        check_certificate(claim, image, text, "schedule.json", tape=other.tape.content)
+    assert cached(image, text, schedule.tape.content) != cached(image, text, other.tape.content)
+
+
+def test_a_changed_byte_of_the_tape_is_refused_where_its_pulse_is() -> None:
+    schedule, image = still()
+    assert schedule.tape is not None
+    data = bytearray(schedule.tape.content)
+    data[12] ^= 1  # of the second record: its sum is wrong, and the pulses are released
+    said = refusal(claimed(), with_content(schedule, bytes(data)), image)
+    assert re.search("after state [0-9]+, at address 0x[0-9A-F]{3}, frame 6, cycle 1, .*missing edge", said)
+
+
+def test_a_changed_state_of_the_eeprom_is_refused() -> None:
+    schedule, image = still()
+    columns = claimed()["columns"]
+    first, *others = columns["tape_clock"]["delta"]
+    for forged in ({"all": first}, {"delta": [first + 1, *others]}, {"delta": [first + 9 * 500, *others]}):
+        data = claimed() | {"columns": columns | {"tape_clock": forged}}
+        assert re.search("listed", refusal(data, schedule, image))
+
+
+def without_a_fall(image: Image) -> Image:
+    """A reader that lets go of SDA in the cycle in which SCL falls."""
+    words = [encode("CLRF", f=5), encode("MOVLW", k=0x10), encode("MOVWF", f=5)]
+    falls = [at for at in image.program if [image.program.get(at + n) for n in range(3)] == words]
+    assert falls
+    return replace(image, program=image.program | dict.fromkeys(falls, encode("NOP")))
+
+
+def with_a_clock_less(image: Image) -> Image:
+    """Nine tries: an EEPROM that was just asked for a byte of zeros holds SDA in all of them."""
+    tries = [at for at, word in image.program.items() if word == encode("MOVLW", k=10)]
+    assert tries
+    return replace(image, program=image.program | dict.fromkeys(tries, encode("MOVLW", k=9)))
+
+
+@pytest.mark.parametrize("wrong", [without_a_fall, with_a_clock_less])
+def test_a_wrong_reader_is_refused_with_the_certificate_of_the_right_one(
+    wrong: Callable[[Image], Image],
+) -> None:
+    schedule, image = still()
+    assert "power-up, at address" in refusal(claimed(), schedule, wrong(image))
+
+
 @pytest.mark.campaign
 def test_a_reader_that_lets_go_of_sda_as_scl_falls_is_not_proven() -> None:
     schedule, image = still()
-    words = [encode("CLRF", f=5), encode("MOVLW", k=0x10), encode("MOVWF", f=5)]
-    falls = [at for at in image.program if [image.program.get(at + n) for n in range(3)] == words]
-    changed = dict.fromkeys(falls, encode("NOP"))
-    assert falls and not proof_of(schedule, replace(image, program=image.program | changed)).proven
+    assert not proof_of(schedule, without_a_fall(image)).proven
 
 
 # The EEPROM

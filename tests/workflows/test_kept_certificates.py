@@ -12,6 +12,7 @@ import pytest
 from servogen.checker import read_certificate
 from servogen.checker.certificate import fingerprint
 from servogen.pic.image import Image, read_hex
+from servogen.programs import read_schedule
 from servogen.workflows.certificates import beside, checked
 from tests.campaigns import sampled
 from tests.prove.attack import servogen
@@ -46,7 +47,7 @@ def test_they_are_small_and_none_is_left_over() -> None:
 
 def test_one_is_valid_for_its_program_only() -> None:
     folder = ROOT / "firmware" / JOB
-    schedule = (folder / "schedule.json").read_text()
+    schedule = read_schedule(folder / "schedule.json")
     file = beside(KEPT / JOB / "main.hex")
     assert checked(file, image_of(folder / "main.hex"), schedule).text == "proven, checked"
     other = checked(file, image_of(folder / "main.sdcc.hex"), schedule)

@@ -271,12 +271,12 @@ def test_without_a_repetition_what_was_searched_is_compared_and_at_least_a_frame
 
 def test_a_certificate_is_missing_refused_or_valid(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "main.cert.xz"
-    missing = checked(file, Image({}), "{}")
+    missing = checked(file, Image({}), SCHEDULE)
     assert (missing.text, missing.valid, missing.missing) == ("no certificate", False, True)
     file.write_bytes(b"x")
     refused: list[str] = []
 
-    def check_certificate(claim: Any, *given: object) -> Checked:
+    def check_certificate(claim: Any, *given: object, tape: bytes) -> Checked:
         if refused:
             raise Refused(refused[0])
         return Checked(1, 2, 3, 4, ("every input",), tuple(claim.held))
@@ -287,11 +287,11 @@ def test_a_certificate_is_missing_refused_or_valid(tmp_path: Path, monkeypatch: 
         monkeypatch.setattr(
             "servogen.workflows.certificates.read_certificate", lambda *given, claim=claim: claim
         )
-        found = checked(file, Image({}), "{}")
+        found = checked(file, Image({}), SCHEDULE)
         assert (found.text, found.valid, found.missing) == (text, True, False)
     refused.append("it is of another program")
-    found = checked(file, Image({}), "{}")
+    found = checked(file, Image({}), SCHEDULE)
     assert (found.text, found.valid, found.missing) == ("refused: it is of another program", False, False)
     file.write_bytes(bytes((4 << 20) + 1))
     with pytest.raises(InputError, match="is larger than 4 MiB"):
-        checked(file, Image({}), "{}")
+        checked(file, Image({}), SCHEDULE)

@@ -22,7 +22,6 @@ from servogen.simulator import EEPROM24, LevelChange, SimulatorOptions, on_pins
 from servogen.traces.captures import read_capture
 from servogen.units import Clock, Cycles
 from servogen.workflows.capture import capture
-from servogen.workflows.certificates import kept
 from servogen.workflows.verification import judge_capture
 from tests.bench.conftest import served
 from tests.engines.tape.tape_jobs import (
@@ -250,13 +249,6 @@ def test_a_motion_that_the_eeprom_does_not_hold_is_refused_with_the_seconds_that
 def test_pins_that_cannot_be(tape: str, foot: str, said: str) -> None:
     with pytest.raises(InputError, match=said):
         job(tape=tape, foot=foot)
-
-
-def test_the_checker_covers_no_tape_and_build_says_so() -> None:
-    played, image = made()
-    verdict = kept([], image, played.plan.schedule.json_text().encode())
-    assert not verdict.valid and "servogen prove" in verdict.sentence and "--prove" not in verdict.sentence
-    assert len(verdict.text) <= 26, "a cell of the table of programs, on a terminal of 80 columns"
 
 
 def test_the_schedules_file_names_the_pins_and_the_part_and_reads_back() -> None:
