@@ -50,7 +50,8 @@ def one_state(claim: dict[str, Any], **columns: int) -> dict[str, Any]:
 # Columns --------------------------------------------------------------------------------------------------
 
 LARGEST = {"option": 0xFF, "trisa": 0x1F, "trisb": 0xFF, "pc": 0x3FF, "depth": 8, "prescaler": 0xFF,
-           "watchdog_age": 1 << 40, "write_left": 1 << 30, "tape_clock": 9 << 16, "time": 1 << 30, "frame": 1 << 30, "place": 0,
+           "watchdog_age": 1 << 40, "write_left": 1 << 30, "tape_clock": 9 << 16,
+           "time": 1 << 30, "frame": 1 << 30, "place": 0,
            **{f"stack{level}": 0x3FF for level in range(8)}}  # fmt: skip
 """Of each column of numbers: docs/proof.md. The certificate here has one place."""
 
