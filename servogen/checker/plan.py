@@ -47,7 +47,7 @@ class Place(NamedTuple):
     sampled: int = 0
 
 
-class TapeBeside(NamedTuple):
+class RecordedTape(NamedTuple):
     """The EEPROM of a tape: its pins, SCL and RA4, as a word; its bytes, and those of them that are known."""
 
     pins: int
@@ -215,7 +215,7 @@ class Plan:
     """The longest EEPROM write (parameter D122)."""
     fastest: int = 20_000_000
     """The chip's largest clock in Hz."""
-    tape: TapeBeside | None = None
+    tape: RecordedTape | None = None
 
     @property
     def waiting(self) -> int:
@@ -391,14 +391,14 @@ def _commands(data: dict[str, Any]) -> Line | StepButton | DirectionButtons:
     return Line(PINS.index(data["pin"]), rest, rest_frames, stop_frames, codes)
 
 
-def _tape(data: dict[str, Any], content: bytes, used: int) -> TapeBeside:
+def _tape(data: dict[str, Any], content: bytes, used: int) -> RecordedTape:
     pins = 1 << PINS.index(data["scl"]) | RA4
     kilobits = _number(int(data["eeprom"].removeprefix("24LC")), 32, 512)
     if data["sda"] != "RA4" or pins == RA4 or pins & used or kilobits & kilobits - 1:
         raise ValueError("a tape's SDA is RA4, an open drain, and its EEPROM a 24LC32 to 24LC512")
     if not 0 < len(content) <= kilobits * 128:
         raise ValueError(f"a tape of {len(content)} bytes in a {data['eeprom']}")
-    return TapeBeside(pins, kilobits * 128, content)
+    return RecordedTape(pins, kilobits * 128, content)
 
 
 def _wire(data: dict[str, Any], edges: list[tuple[Ints, Ints]], period: int) -> WireReads:
