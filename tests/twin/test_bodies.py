@@ -213,6 +213,7 @@ def test_an_arm_whose_pulses_end_has_no_path_to_compare_its_tool_with() -> None:
     assert (seen.tool_error, seen.tool_rest_error) == (None, None)
 
 
+@pytest.mark.campaign
 def test_a_payload_bends_an_arm_and_too_much_of_it_is_the_first_cause() -> None:
     made = firmware((JOBS / "rvm1-program.toml").read_text())
     light, heavy = (
