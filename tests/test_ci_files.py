@@ -167,9 +167,10 @@ def test_a_broken_contract_is_annotated_at_its_clause(tmp_path: Path) -> None:
 
 
 def test_a_failed_test_is_annotated_at_its_line(tmp_path: Path) -> None:
-    """The contract allows both lights, so only the tests see that it begins with the wrong one."""
-    code, out, ran = act(tmp_path, template(tmp_path, "bright = 0", "bright = 1"))
-    assert (code, ran[-1]) == (1, "tests"), out
+    """The facts allow both lights: only the tests see that it begins with the wrong one."""
+    values = template(tmp_path, "bright = 0", "bright = 1") | {"contract": "", "program": ""}
+    code, out, ran = act(tmp_path, values)
+    assert (code, ran) == (1, ["inputs", "facts", "tests"]), out
     tests = (CI / "tests" / "test_dimmer.py").read_text().splitlines()
     assert [file for file, *_ in annotations(out)] == ["tests/test_dimmer.py"] * 3
     assert all(tests[line - 1].startswith("    ") for _, line, _ in annotations(out))

@@ -74,10 +74,9 @@ def sleep_then_answer() -> int:
 
 def test_processor_time_and_elapsed_time_are_two_limits() -> None:
     assert run(sleep_then_answer, WorkLimits(seconds=1, elapsed_s=60)) == 5
-    for work in (spin, deaf):
-        with pytest.raises(LimitExceeded, match="took more than 1 s of processor time or 600 s") as caught:
-            run(work, WorkLimits(seconds=1, elapsed_s=600))
-        assert caught.value.resource is Resource.TIME
+    with pytest.raises(LimitExceeded, match="took more than 1 s of processor time or 600 s") as caught:
+        run(deaf, WorkLimits(seconds=1, elapsed_s=600))
+    assert caught.value.resource is Resource.TIME
 
 
 @pytest.mark.parametrize("work", [hoard, lambda: bytearray(400_000_000)])
@@ -189,7 +188,7 @@ def test_one_that_crashes_costs_no_other_its_result() -> None:
         lambda: b"x" * 20_000_000,
         lambda: 7,
     ]
-    found = dict(run_each(works, WorkLimits(seconds=3, memory_mb=100, elapsed_s=90), at_once=2))
+    found = dict(run_each(works, WorkLimits(seconds=1, memory_mb=100, elapsed_s=90), at_once=2))
     assert [found[index] for index in (0, 4, 6)] == [1, 5, 7]
     assert isinstance(found[1], ProcessDied)
     stopped = [found[2], found[3], found[5]]

@@ -41,13 +41,6 @@ def test_a_job_that_no_chip_can_hold_has_a_page_of_its_plan(run: Run, tmp_path: 
     assert "planned, not built" in (tmp_path / "page.html").read_text()
 
 
-def test_a_capture_that_cannot_be_read_writes_no_page(run: Run, tmp_path: Path) -> None:
-    job = ROOT / "jobs" / "lab9-exercise.toml"
-    ran = run("report", job, "-o", tmp_path / "page.html", "--capture", tmp_path / "none.vcd")
-    assert ran.code == 2
-    assert not (tmp_path / "page.html").exists()
-
-
 SQUARE = (
     '[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n'
     '[[servo]]\nname = "arm"\npin = "RB0"\nmodel = "futaba-s3001"\n'
@@ -61,6 +54,12 @@ def square(tmp_path: Path) -> Path:
     job = tmp_path / "square.toml"
     job.write_text(SQUARE)
     return job
+
+
+def test_a_capture_that_cannot_be_read_writes_no_page(run: Run, tmp_path: Path, square: Path) -> None:
+    ran = run("report", square, "-o", tmp_path / "page.html", "--capture", tmp_path / "none.vcd")
+    assert ran.code == 2
+    assert not (tmp_path / "page.html").exists()
 
 
 @pytest.mark.parametrize(("moved", "code"), [(0, 0), (1, 1)])

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.campaigns import sampled
+from tests.cli.conftest import Run
 
 ROOT = Path(__file__).parents[2]
 HEX = ROOT / "firmware" / "lab9-program" / "main.hex"
@@ -48,15 +49,15 @@ def test_streams_that_cannot_be_used_give_the_documented_exit_code(
         assert "Exception" not in ran.stderr
 
 
-def test_a_closed_input_changes_nothing_of_the_output() -> None:
-    assert shell("<&-", *GOOD).stdout == shell("", *GOOD).stdout != ""
+def test_a_closed_input_changes_nothing_of_the_output(run: Run) -> None:
+    assert shell("<&-", *GOOD).stdout == run(*GOOD).out != ""
 
 
-def test_a_closed_output_is_not_the_next_file_that_is_opened(tmp_path: Path) -> None:
+def test_a_closed_output_is_not_the_next_file_that_is_opened(run: Run, tmp_path: Path) -> None:
     edges = tmp_path / "edges.csv"
     args = ("simulate", str(HEX), "--cycles", "30000", "--edges", str(edges))
     assert shell(">&- 2>&-", *args).returncode == 141
-    assert shell("", *args[:-1], str(tmp_path / "right.csv")).returncode == 0
+    assert run(*args[:-1], tmp_path / "right.csv").code == 0
     assert edges.read_bytes() == (tmp_path / "right.csv").read_bytes()
 
 
@@ -64,8 +65,8 @@ SIMULATE = ("simulate", str(HEX), "--cycles", "300", "--trace")
 
 
 @pytest.mark.campaign
-def test_a_trace_goes_through_a_pipe_after_what_was_printed(tmp_path: Path) -> None:
-    assert shell("", *SIMULATE, str(tmp_path / "trace.txt")).returncode == 0
+def test_a_trace_goes_through_a_pipe_after_what_was_printed(run: Run, tmp_path: Path) -> None:
+    assert run(*SIMULATE, tmp_path / "trace.txt").code == 0
     wanted = (tmp_path / "trace.txt").read_text()
     assert wanted.count("\n") > 100
     for name in ("/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"):
@@ -74,8 +75,8 @@ def test_a_trace_goes_through_a_pipe_after_what_was_printed(tmp_path: Path) -> N
         assert ran.stdout.startswith(wanted)
 
 
-def test_a_trace_to_an_output_that_is_a_file_keeps_what_is_in_it(tmp_path: Path) -> None:
-    assert shell("", *SIMULATE, str(tmp_path / "trace.txt")).returncode == 0
+def test_a_trace_to_an_output_that_is_a_file_keeps_what_is_in_it(run: Run, tmp_path: Path) -> None:
+    assert run(*SIMULATE, tmp_path / "trace.txt").code == 0
     both = tmp_path / "both.txt"
     both.write_text("before\n")
     ran = shell(f">> {shlex.quote(str(both))}", *SIMULATE, "/dev/stdout")

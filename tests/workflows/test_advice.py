@@ -39,8 +39,10 @@ def test_an_error_without_advice_is_not_its_own_cause() -> None:
 @pytest.mark.campaign
 def test_beyond_its_limit_nothing_is_built_and_within_it_all_is() -> None:
     """A Tiny-S turns 0.36° in a µs; the tripod is 1.487 µs from its plan."""
-    error = refused(TRIPOD + "max_error_us = 1.3\n")
-    assert isinstance(error, ResourceError) and error.code == "beyond-max-error"
+    with pytest.raises(ResourceError) as caught:
+        planned(plan_job(loads(TRIPOD + "max_error_us = 1.3\n", "job.toml")))
+    error = caught.value
+    assert error.code == "beyond-max-error"
     assert error.location is not None and error.location.key == "firmware.max_error_us"
     assert "1.487 µs, 0.535°" in error.message
     assert "max_error_us allows 1.3 µs" in error.message
