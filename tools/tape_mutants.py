@@ -1,6 +1,7 @@
 """Does anything notice a wrong byte of a tape, or a wrong word of its reader?
 
     python tools/tape_mutants.py build/dance --count 300
+    python tools/tape_mutants.py build/dance --count 300 --proofs 40
 
 Half of the mutants are a byte of `tape.bin` each, drawn from every class of bytes in turn (identity, kind,
 width, sum, end); the other half a word of the reader, one bit changed. Each runs beside the original.
@@ -10,6 +11,10 @@ by the comparison with the schedule. A word's mutant, of which one bit that its 
 is found if some pin differs in one of five runs: with the tape, with one that has a wrong width, with one of
 another identity, with no EEPROM, and with an SDA that stays low. Exit code 1 if a byte is found by neither;
 words that change nothing in these runs are listed.
+
+With `--proofs N`, both witnesses of a proof judge the mutants: the checker each, with the certificate of the
+right program and tape (`main.cert.xz`) whose head is corrected, and the prover N of them. Exit code 1 if one
+of them takes a mutant for proven that goes wrong in a plain run with the tape.
 """
 
 from __future__ import annotations
@@ -18,16 +23,20 @@ import argparse
 import random
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from pathlib import Path
 
+from servogen.checker import Refused, check_certificate, read_certificate
+from servogen.checker.certificate import Certificate, fingerprint
 from servogen.edges import EdgeTrace, join
 from servogen.engines.board import machine_of
 from servogen.engines.tape.content import END, FIRST, FULL, KINDS, SILENT, STEP
 from servogen.pic.image import Image
 from servogen.pic.isa import decode
 from servogen.programs import Program, read_program, read_schedule
+from servogen.prove import prove_for_all
 from servogen.pulse import PulseSchedule
 from servogen.pulse.expected import expected
 from servogen.simulator import EEPROM24, SimulatorOptions, on_pins
@@ -35,6 +44,8 @@ from servogen.units import Cycles
 from servogen.workflows.verification import judge_edges, motion_cycles
 
 READER = ("start", "give", "take", "fail", "seek", "check", "read_record", "step")
+MOST_STATES = 400
+"""More than the right program has."""
 BEYOND_FRAMES = 40
 """The frames after the motion, so that the way back to the loop is run."""
 
@@ -140,6 +151,44 @@ def word_mutants(program: Program, count: int, rng: random.Random) -> Iterator[t
             yield address, replace(program.image, program=changed)
 
 
+def witnessed(schedule: PulseSchedule, image: Image, claim: Certificate, proofs: int) -> str:
+    """Return what the checker says of a mutant with a forged certificate, and, if asked for, the prover."""
+    assert schedule.tape is not None
+    content = schedule.tape.content
+    forged = replace(claim, image=fingerprint(image), tape=sha256(content).hexdigest())
+    try:
+        check_certificate(forged, image, schedule.json_text().encode(), "schedule.json", tape=content)
+        answer = "ACCEPTED"
+    except Refused:
+        answer = "refused"
+    if proofs:
+        proof = prove_for_all(image, schedule, max_states=MOST_STATES)
+        shown = "counterexample" if proof.counterexample else "not decided"
+        answer += f", {'PROVEN' if proof.proven else shown}"
+    return answer
+
+
+def attack(
+    schedule: PulseSchedule,
+    mutants: Sequence[tuple[str, PulseSchedule, Image]],
+    claim: Certificate,
+    proofs: int,
+) -> int:
+    """Print what both witnesses say of mutants; return how many they take for proven that go wrong."""
+    span = Cycles(motion_cycles(schedule) + BEYOND_FRAMES * schedule.period)
+    cycles = schedule.run_cycles(span)
+    counts: Counter[tuple[str, str, str]] = Counter()
+    for number, (name, board, image) in enumerate(mutants):
+        trace = EdgeTrace(schedule.clock, (machine_of(board, image).run(cycles),), Cycles(cycles))
+        how = "right in a run" if judge_edges(schedule, trace, span).passed else "wrong"
+        # Evenly among all of them.
+        asked = proofs and number * proofs // len(mutants) != (number + 1) * proofs // len(mutants)
+        counts[name, how, witnessed(board, image, claim, asked)] += 1
+    for (name, how, answer), count in sorted(counts.items()):
+        print(f"{name:14} {how:14} {answer:24} {count:4}", flush=True)
+    return sum(count for (_, how, answer), count in counts.items() if how == "wrong" and not answer.islower())
+
+
 def named(word: int) -> str:
     """Return a word as an instruction."""
     decoded = decode(word)
@@ -155,12 +204,21 @@ def main() -> int:
     parser.add_argument("folder", type=Path, help='a build of a job with on_error = "release"')
     parser.add_argument("--count", type=int, default=300)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--proofs", type=int, metavar="N", help="judge by the checker, and N by the prover")
     given = parser.parse_args()
     schedule = read_schedule(given.folder / "schedule.json")
     program = read_program(given.folder / "main.c2c.c", schedule.device)
     if schedule.tape is None or program.listing is None:
         parser.error(f"{given.folder} is no build of a tape")
     data, servos, rng = schedule.tape.content, len(schedule.channels), random.Random(given.seed)
+    if given.proofs is not None:
+        file = given.folder / "main.cert.xz"
+        claim = read_certificate(file.read_bytes(), str(file))
+        tapes = tape_mutants(data, servos, given.count - given.count // 2, rng)
+        words = word_mutants(program, given.count // 2, rng)
+        mutants = [(name, with_content(schedule, mutant), program.image) for name, mutant in tapes]
+        mutants += [("reader's word", schedule, image) for _, image in words]
+        return int(attack(schedule, mutants, claim, given.proofs) > 0)
     lost = program.listing.variable("lost")
     assert lost is not None
     counts: Counter[tuple[str, str]] = Counter()
