@@ -341,8 +341,6 @@ def test_what_ran_out_is_said_with_both_times_if_they_differ() -> None:
 def test_work_that_is_no_longer_wanted_ends() -> None:
     stop = Event()
     Timer(0.2, stop.set).start()
-    begin = time.monotonic()
-    with pytest.raises(Stopped):
+    with pytest.raises(Stopped):  # not LimitExceeded, which it would be after a minute
         run(spin, WorkLimits(seconds=60), stop)
-    assert time.monotonic() - begin < 5
     assert run(lambda: 1, WorkLimits(), Event()) == 1

@@ -173,7 +173,7 @@ class Rig:
         self.board = VirtualBoard(self.chip, self.wiring, options)
 
 
-def until(true: Callable[[], object], seconds: float = 30) -> None:
+def until(true: Callable[[], object], seconds: float = 300) -> None:
     """Wait for what another thread does."""
     end = time.monotonic() + seconds
     while not true():
