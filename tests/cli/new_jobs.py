@@ -58,4 +58,7 @@ if __name__ == "__main__":
     for kind, servo in EVERY:
         print(kind, servo, flush=True)
         text = starter(kind, servo, Path("my.toml"))
-        fits_its_chips(text) if "--fits" in sys.argv else planned_without_a_warning(text, servo)
+        if "--fits" in sys.argv:
+            fits_its_chips(text)
+        else:
+            planned_without_a_warning(text, servo)
