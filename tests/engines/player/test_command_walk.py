@@ -15,6 +15,7 @@ from servogen.engines.c_text import DIALECTS
 from servogen.engines.firmware import ResourceError
 from servogen.engines.player import shares
 from servogen.engines.player.encoding import Encoded
+from servogen.engines.player.engine import play
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
 from servogen.motion.trajectory import Part
@@ -194,17 +195,23 @@ def test_a_soft_start_of_more_than_256_frames_before_a_walk_on_command_is_refuse
     )
 
 
-@pytest.mark.campaign
-def test_a_swing_of_more_than_512_frames_on_command_is_refused() -> None:
-    """The feet of a tripod are in the air for half a cycle of 20 ms each."""
-    planned(plan_job(loads(TEXT.replace("cycle_s = 0.96", "cycle_s = 20"), "job.toml")))
-    job = plan_job(loads(TEXT.replace("cycle_s = 0.96", "cycle_s = 20.6"), "job.toml"))
+def test_a_swing_of_too_many_frames_on_command_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The feet of a tripod are in the air for half a cycle: for 24 frames of 20 ms."""
+    job = plan_job(loads(TEXT.replace("[firmware]", "[firmware]\nsoft_start_s = 0.2"), "job.toml"))
+
+    def longest(half: int) -> None:
+        for module in ("legs", "commanded"):
+            monkeypatch.setattr(f"servogen.engines.player.{module}.LONGEST", half)
+
+    longest(12)
+    play(job)
+    longest(11)
     with pytest.raises(InputError) as refused:
-        planned(job)
+        play(job)
     assert (refused.value.code, refused.value.message, refused.value.hint) == (
         "engine-unsupported",
         "the player walks on command only if legs that are in the air together lift and land together, "
-        "within 512 frames",
+        "within 22 frames",
         'write gait = "tripod", or a shorter cycle_s',
     )
 
