@@ -56,6 +56,7 @@ def found(listing: Listing, word: int, after: int) -> int:
     return next(row.address for row in listing.rows if row.address >= after and row.word == word)
 
 
+@pytest.mark.campaign
 def test_the_words_are_the_protocol_s(listing: Listing) -> None:
     told: list[tuple[str, int, int]] = []
     one = lemmas(listing, told)
@@ -642,6 +643,7 @@ def test_pins_keep_their_directions_but_for_the_one_that_answers() -> None:
     assert fault(one.start).startswith("after a reset: what holds")
 
 
+@pytest.mark.campaign
 def test_only_a_trim_masks_interrupts_and_nothing_else_changes_what_is_enabled() -> None:
     one = lemmas(listing_of(changed_text("speed[n] = value;", f"{{ {MASKED} speed[n] = value; }}")))
     assert fault(lambda: one.execute((0x42,))) == "the command FF 42: interrupts are masked"

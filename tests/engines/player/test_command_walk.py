@@ -257,6 +257,7 @@ def test_ripple_with_four_directions_fits_and_walks_as_the_reference_says() -> N
     assert list(problems(made[0].image, line, of=target_of(job, found.plan.schedule))) == []
 
 
+@pytest.mark.campaign
 def test_pins_in_any_order_and_servos_with_distant_widths_need_tables_and_walk_the_same() -> None:
     """Pins that do not follow each other, and base widths with different high bytes, are read from tables."""
     text = TEXT.replace('pin = "RA4"', 'pin = "RA1"').replace('pin = "RA1"\nmodel', 'pin = "RA4"\nmodel')
