@@ -120,6 +120,8 @@ class Checker:
             levels=sum(level << pin for pin, level in levels.items()),
             watchdog=int(WATCHDOG_US / Clock(plan.clock_hz).cycle_us) if watched else 0,
             longest_write=ceil(plan.write_us / Clock(plan.clock_hz).cycle_us),
+            restart=plan.wire.restart if plan.wire else 0,
+            pulled=plan.wire.pulled if plan.wire else 0,
         )
         if plan.tape:
             low, high = (ceil(us / Clock(plan.clock_hz).cycle_us) for us in (TLOW_US, THIGH_US))
@@ -360,7 +362,9 @@ class Checker:
         if stage == layout.OVER:
             return
         if stage == layout.BEFORE:  # so far since power-up
-            row[layout.STAGE], time = layout.AWAITS, int(row[layout.CYCLE])
+            if wire.restart and row[layout.RESETS] >= 0:
+                raise _refused(row, "the wire is read before the first chip was reset")
+            row[[layout.STAGE, layout.RESETS]], time = (layout.AWAITS, 0), int(row[layout.CYCLE])
         try:
             step = wire.looks if stage == layout.RUNS else wire.awaits
             found = step(memory, level, time)

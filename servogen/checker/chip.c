@@ -409,6 +409,15 @@ i64 drive(i64 *s, const Edges *edges, const Board *board)
     i64 dark = (s[PORTA] >> 8 | s[PORTB] >> 8 << 5) & judged;
     bool was_dark = s[STAGE] == BEFORE && s[DARK]; /* some chip's first pulse may have begun */
     s[DARK] = dark ? max(s[DARK], 1) : 0;
+    if (board->restart & ~tris & ~(out | dark)) {
+        if (s[STAGE] != BEFORE || s[RESETS] < 0)
+            return PULLED;
+        s[RESETS] = s[RESETS] ? s[RESETS] : s[CYCLE];
+    } else if (s[RESETS] > 0) {
+        if (s[CYCLE] - s[RESETS] < board->pulled)
+            return PULLED;
+        s[RESETS] = -1;
+    }
     if (s[STAGE] == BEFORE && out == 0)
         return GOES_ON;
     if (dark || was_dark || tris & board->channels)

@@ -29,11 +29,13 @@ OPTION, TRISA, TRISB, EECON1, EECON2 = 0x51, 0x55, 0x56, 0x58, 0x59
  WRITE_LEFT,        # the cycles in which an EEPROM write is over on every chip
  KEY_1, KEY_2,      # after a key was written to EECON2: cycles up to the next step of the sequence
  DARK,              # the cycle since a pin has an unknown level: 1, 2, ...; 0 for none
+ RESETS,            # before the first read of a wire: the cycle since which the other chip's MCLR is low;
+                    # -1: it was, for long enough
  STAGE, TIME, EDGE, # the frames; the cycle in the frame, and the number of its next edge
  CHOSEN,            # a cell: bits that the next instruction reads, by choice
  WAY,               # what happens by itself next, by choice: one of the `ASKED_BITS`
  ASKED, ASKED_BITS, # what has to be chosen: a bit of a slot, or one of several ways
- STACK) = range(0x60, 0x75)  # fmt: skip
+ STACK) = range(0x60, 0x76)  # fmt: skip
 (TAKES,             # what the EEPROM of a tape takes next, or gives; 0 without one
  SCL_AGE, SDA_AGE,  # the cycles since the chip changed the line, `SETTLED` at most
  CLOCKS,            # of the EEPROM's byte
@@ -112,9 +114,11 @@ REASONS = (
     "a return with an empty stack", "a watchdog that may time out",
     "a pin whose level is unknown or not driven", "an unknown value in a register",
     "control that depends on TMR0's phase", "an EEPROM write without its sequence",
+    "another chip that is reset at the wrong time, or for too short a time",
 )  # fmt: skip
 (CUT, NEW_FRAME, FORK, BUTTON, LAST_EDGE, MAY_INTERRUPT, MAY_BE_WRITTEN, SLEEPS, TOO_LONG, WRONG_EDGE,
- MISSING, NO_WORD, OVERFLOW, EMPTY, WATCHED, DARK_PIN, REGISTER, PHASE, SEQUENCE) = range(19)  # fmt: skip
+ MISSING, NO_WORD, OVERFLOW, EMPTY, WATCHED, DARK_PIN, REGISTER, PHASE, SEQUENCE,
+ PULLED) = range(20)  # fmt: skip
 GOES_ON, INTERRUPTED = -1, -2
 
 # The program ---------------------------------------------------------------------------------------------
@@ -164,6 +168,10 @@ class ChipSurroundings(NamedTuple):
     recorded: int = 0
     low_time: int = 0
     high_time: int = 0
+    restart: int = 0
+    """The pin that is wired to another chip's MCLR,"""
+    pulled: int = 0
+    """and for how many cycles it has to be low, once, before the wire is read."""
 
 
 def _header() -> str:

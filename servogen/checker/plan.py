@@ -407,7 +407,10 @@ def _wire(data: dict[str, Any], edges: list[tuple[Ints, Ints]], period: int) -> 
     if not all(2 < cycle < look for cycles, _ in edges for cycle in cycles[1:]):
         raise ValueError("the wire is looked at between the pulses of two frames")
     frames, quiet = _number(data["frames"], 1, 99), _number(data["quiet_cycles"], 1)
-    return WireReads(PINS.index(data["pin"]), period, frames, quiet, look)
+    restart, pulled = 0, 0
+    if "restart" in data:
+        restart, pulled = 1 << PINS.index(data["restart"]), _number(data["restart_cycles"], 1)
+    return WireReads(PINS.index(data["pin"]), period, frames, quiet, look, restart, pulled)
 
 
 def _edges(pulses: list[Any], pins: list[int], period: int) -> tuple[Ints, Ints]:

@@ -46,6 +46,10 @@ class WireReads:
     """The cycles from the first low level to those that count as quiet."""
     look: int
     """The time in a frame in which the look at the next rise begins."""
+    restart: int = 0
+    """The pin, as a word, that is wired to the other chip's MCLR,"""
+    pulled: int = 0
+    """and for how many cycles it is low, once, before the first read."""
     at_once: ClassVar[bool] = True
     power_up: ClassVar[Memory] = (HIGH, 1, 0, 0, 0, 1)
     plays: ClassVar[Memory] = (PLAYING, 1, 0, 0, 0, 1)

@@ -51,14 +51,15 @@ def paired_machine(
     first, second = schedules
     assert second.wire is not None
     source, pin = pin_number(second.wire.source), pin_number(second.wire.pin)
-    leading = partial(machine_of, first, images[0], options)
+    leading = FirstChip(partial(machine_of, first, images[0], options), source, pin)
     applied, other, wire = (
         (stimulus, Machine(images[1], second.clock, board_of(second, options)), (source, pin))
         if shown == 0
-        else (Stimuli([FirstChip(leading, source, pin)]), leading(), None)
+        else (Stimuli([leading]), leading.powered(), None)
     )
-    board = board_of(schedules[shown], options)
-    return PairedMachine(images[shown], first.clock, board, applied, other, wire)
+    board, restart = board_of(schedules[shown], options), second.wire.restart
+    line = None if restart is None else pin_number(restart)
+    return PairedMachine(images[shown], first.clock, board, applied, other, wire, leading, line)
 
 
 def inputs_of(schedule: PulseSchedule) -> Stimuli | None:

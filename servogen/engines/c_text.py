@@ -145,7 +145,8 @@ def ports_of(schedule: PulseSchedule) -> Iterator[PortText]:
     """Yield the ports in use; their other pins stay inputs, as after a reset."""
     for port, inputs in (("A", 0x1F), ("B", 0xFF)):
         pins = [int(channel.pin[2]) for channel in schedule.channels if channel.pin[1] == port]
-        if pins:
+        restart = schedule.wire.restart if schedule.wire else None
+        if pins or (restart and restart[1] == port):
             yield PortText(port, f"0x{inputs & ~sum(1 << pin for pin in pins):02X}")
 
 

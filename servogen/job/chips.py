@@ -7,7 +7,7 @@ different clocks, and for a wire that is no servo's.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from servogen.engines.inputs import EngineInput, check_free
@@ -84,11 +84,39 @@ def chips_of(document: Document, rows: Sequence[ServoTable]) -> tuple[PairedChip
             "the wire begins at a pin whose servo has a pulse in every frame: its rise tells the second chip",
         )
     check_free(document, ("chip", 1, "wire"), second.wire, on_second, "the wire needs a pin of its own")
-    wires = FrameWire(first.wire, False, second.wire), FrameWire(second.wire, True, first.wire)
+    restart = _restart(document, first, second, {**on_second, second.wire: "wire"})
+    wires = (
+        FrameWire(first.wire, False, second.wire, restart),
+        FrameWire(second.wire, True, first.wire, restart),
+    )
     return tuple(
         PairedChip(tuple(name for name in names if mine and name in mine), wire)
         for mine, wire in zip(lists, wires, strict=True)
     )
+
+
+def _restart(
+    document: Document, first: ChipPairTable, second: ChipPairTable, used: Mapping[str, str]
+) -> str | None:
+    """Return the second chip's pin that resets the first one, if there is one. Raises InputError."""
+    if first.restart is not None:
+        raise document.error(
+            "chip-pair",
+            ("chip", 0, "restart"),
+            "the first chip does not restart the second one, which follows the wire",
+            "write restart in the second [[chip]]",
+        )
+    where = ("chip", 1, "restart")
+    if second.restart not in (None, OPEN_DRAIN_PIN):
+        raise document.error(
+            "chip-pair",
+            where,
+            f"{second.restart} is no open drain: it could drive the first chip's MCLR high",
+            f'write restart = "{OPEN_DRAIN_PIN}", and use {second.restart} for a servo on {OPEN_DRAIN_PIN}',
+        )
+    if second.restart is not None:
+        check_free(document, where, second.restart, used, "without restart the first chip is reset by hand")
+    return second.restart
 
 
 def _dealt(rows: Sequence[ServoTable]) -> tuple[tuple[str, ...], tuple[str, ...]]:

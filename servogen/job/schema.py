@@ -49,6 +49,8 @@ class ChipPairTable(Table):
     device: str
     clock_hz: int = Field(gt=0)
     wire: PinName
+    restart: PinName | None = None
+    """The second chip's open drain, wired to the first one's MCLR: it resets that when it begins."""
     servos: tuple[str, ...] | None = None
     """Its servos; without it, the second chip's begin with the first servo whose pin is in use."""
 

@@ -18,7 +18,7 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
-from servogen.edges import HIGH, PINS
+from servogen.edges import HIGH, LOW, PINS
 from servogen.pic.device import EEPROM_BYTES, RAM_FIRST, RAM_LAST
 from servogen.pic.image import Image
 from servogen.pic.isa import decode
@@ -146,8 +146,8 @@ class RunOutcome:
     reason: Reason
     cycles: int
     edges: tuple[tuple[int, int, int], ...]
-    """(cycles since the beginning, pin, level): each a change, an undriven pin counting as low; without the
-    pins of a tape.
+    """(cycles since the beginning, pin, level): each a change, an undriven pin counting as low, the pin that
+    restarts another chip as high while it is pulled low; without the pins of a tape.
     """
     read: tuple[int, ...]
     """Places in the RAM that were read before they were written."""
@@ -200,6 +200,7 @@ class AbstractChip:
         any_eeprom: bool = False,
         of_no_interest: int = 0,
         tape: TapeRule | None = None,
+        restart: int | None = None,
     ) -> None:
         """Prepare to run `image`.
 
@@ -209,12 +210,13 @@ class AbstractChip:
         `write_us` is the maximum time of an EEPROM write, which may end in any cycle; None: exactly the time
         of `options`. With `any_eeprom`, what is read from the EEPROM is unknown.
         The pins `of_no_interest`, as bits, may be driven to levels that differ from chip to chip. A `tape` is
-        on its pins, in any state after a reset.
+        on its pins, in any state after a reset. The pin `restart` is wired to another chip's MCLR.
         """
         self.image = image
         self.clock = clock
         self._given = options.start
         self._of_no_interest = of_no_interest
+        self._restart = restart
         self.tape = TapeBeside(tape, clock) if tape else None
         self.any_write_time = write_us is not None
         if write_us is not None:
@@ -499,6 +501,9 @@ class AbstractChip:
         self._close_counters()
         s[at.CYCLE] = BASE
         self._high = state["DRIVEN_HIGH"]
+        if self._restart is not None:
+            pulled = state["DRIVEN"] & ~state["DRIVEN_HIGH"]
+            self._high = self._high & ~(1 << self._restart) | pulled & 1 << self._restart
         s[at.READ_UNWRITTEN : at.READ_UNWRITTEN + at.RAM_SLOTS] = 0
         s[at.WARN_COUNT] = s[at.USE_KIND] = s[at.EDGE_COUNT] = s[at.OPTION_WRITES] = 0
         return s
@@ -676,7 +681,8 @@ class AbstractChip:
         high, bus = self._high, self.tape.pins if self.tape else 0
         changes = []
         for packed in self._edges[:count].tolist():
-            pin, level = packed >> at.PACK_PIN & 0x3F, int(packed & at.PACK_LEVELS == HIGH)
+            pin = packed >> at.PACK_PIN & 0x3F
+            level = int(packed & at.PACK_LEVELS == (LOW if pin == self._restart else HIGH))
             if bus >> pin & 1:
                 continue
             if high >> pin & 1 != level:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from servogen.edges import PINS, join
+from servogen.edges import HIGH, LOW, PINS, join
 from servogen.engines.board import WIRE_HIGH, WIRE_QUIET_FRAMES
 from servogen.pic.device import WATCHDOG_US
 from servogen.pic.image import Image
@@ -119,7 +119,7 @@ def concrete(case: Case, nodes: Sequence[Node], finding: SearchFinding) -> Count
         for falling in (False, True) if path.requests else (False,):
             changes = [*path.samples, *_requesting(case, path.requests, falling)]
             levels = levels_of([(begun + cycle, pin, level) for cycle, pin, level in changes], case.held)
-            every = pin_changes(_machine(case, trial, levels), begun, begun + end)
+            every = pin_changes(_machine(case, trial, levels), begun, begun + end, case.spec.restart)
             edges = [edge for edge in every if edge[1] not in others]
             try:
                 _judge(case.spec, edges, path.samples, end)
@@ -268,13 +268,15 @@ def levels_of(samples: Sequence[Sample], held_levels: Mapping[int, int]) -> AllL
     return tuple((PINS[pin], tuple(changes)) for pin, changes in sorted(levels.items()))
 
 
-def pin_changes(machine: Machine, begun: int, end: int) -> list[Edge]:
-    """Return the changes of the pins from cycle `begun` on, in cycles since it."""
+def pin_changes(machine: Machine, begun: int, end: int, restart: int | None = None) -> list[Edge]:
+    """Return the changes of the pins from cycle `begun` on, in cycles since it; the pin `restart` is 1 while
+    it is pulled low.
+    """
     chunk = join(machine.stream(end))
     high = 0
     edges = []
     for cycle, pin, level in zip(*(column.tolist() for column in chunk), strict=True):
-        now = int(level == 1)
+        now = int(level == (LOW if pin == restart else HIGH))
         if high >> pin & 1 != now:
             high ^= 1 << pin
             if cycle >= begun:

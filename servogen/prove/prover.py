@@ -173,6 +173,7 @@ class _Prover:
             self._longest,
             any_eeprom,
             tape=self._schedule.tape,
+            restart=self._spec.restart,
         )
 
     def _any_eeprom(self, plain: Proof, generaliser: Generaliser, written: frozenset[int]) -> Proof:

@@ -44,9 +44,11 @@ class WireView(NamedTuple):
     most: int = NONE[1]
     """While joining: by how many cycles, at least and at most, the rise was seen late."""
     last: int = 0
-    """While joining: the time of the latest read."""
+    """While joining: the time of the latest read; before the first read: since when `restart` is pulled."""
     seen: int = 0
-    """The reads in cycles on end up to the latest one, those of a look at most."""
+    """The reads in cycles on end up to the latest one, those of a look at most; before the first read: the
+    edges of `restart`.
+    """
     good: int = 1
     """Whether all of these were as `prove.wire.LOOK` says."""
 
@@ -137,6 +139,11 @@ class Specification:
             silent = 0 if frame else silent + 1
             longest = max(longest, silent)
         return (longest + 1) * self.period
+
+    @property
+    def restart(self) -> int | None:
+        """Return the pin that is wired to another chip's MCLR, whose edges are those of pulling it low."""
+        return None
 
     @property
     def sampled(self) -> frozenset[int]:

@@ -63,6 +63,10 @@ class FollowedWire(Specification):
         self._look = self.period + self._first - rule.cycles - 1
         """The time in a frame of the first read of the look at the next frame's rise."""
 
+    @property
+    def restart(self) -> int | None:
+        return None if self._wire.restart is None else PINS.index(self._wire.restart)
+
     def start(self) -> SpecState:
         """Return the state at reset."""
         return super().start()._replace(wire=WireView(HIGH))
@@ -95,7 +99,9 @@ class FollowedWire(Specification):
         if state.phase == IN_FRAME:
             return self._looked_in_frame(state, level)
         if state.phase == BEFORE:
-            state = state._replace(phase=SILENT, time=0)
+            if self._wire.restart and state.wire.seen < 2:
+                raise Violation(f"{self._wire.restart} has not reset the first chip", 0, certain=False)
+            state = state._replace(phase=SILENT, time=0, wire=WireView(HIGH))
         view = state.wire
         if view.kind == JOINING:
             return self._joining(state, level)
@@ -150,17 +156,25 @@ class FollowedWire(Specification):
                 # Where no frame begins after a look, none may be due: that this is one, only the reads tell.
                 violation.certain = violation.certain and (state.time >= 0 or bool(edges))
                 raise
-        if edges:
-            cycle, pin, level = edges[0]
-            raise SilenceBroken(
-                f"the {'rise' if level else 'fall'} of {PINS[pin]} is not the schedule's", cycle
-            )
+        for edge in edges:
+            state = self._restarted(state, edge)
         time, view = state.time + cycles, state.wire
         if view.kind == JOINING and time > self._wire.frames * self.period + 2:
             raise Violation("the first pulse is missing", cycles, certain=False)
         if view.kind != JOINING and time > self.period + (self._wire.quiet if view.kind == QUIET else 0):
             raise Violation("the wire is not looked at for a frame", cycles, certain=False)
         return state._replace(time=time)
+
+    def _restarted(self, state: SpecState, edge: Edge) -> SpecState:
+        """Return the state after an edge without pulses due: `restart` is pulled once, and for long enough,
+        before the first read. Raises Violation.
+        """
+        cycle, pin, level = edge
+        view, now = state.wire, state.time + cycle
+        long_enough = level or now - view.last >= self._wire.pulled
+        if state.phase == BEFORE and pin == self.restart and view.seen == 1 - level and long_enough:
+            return state._replace(wire=view._replace(seen=view.seen + 1, last=now * level))
+        raise SilenceBroken(f"the {'rise' if level else 'fall'} of {PINS[pin]} is not the schedule's", cycle)
 
     def _next(self, state: SpecState, cycle: int) -> SpecState:
         if state.wire.seen < len(LOOK):

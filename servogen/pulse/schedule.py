@@ -204,13 +204,18 @@ class CommandRule:
         return f'{{{self.read.to_json_text()}, "directions": [\n    {directions}\n  ]}}'
 
 
+NO_CYCLES = Cycles(0)
+
+
 @dataclass(frozen=True, slots=True)
 class WireRule:
     """The wire from another chip: see "Two chips" in docs/firmware.md.
 
     The first edge of the schedule comes `cycles` cycles after the wire has risen in frame `frames`, counted
     from 0, of the other chip's motion. A rise is that of frame 0 if the wire was low in each of the program's
-    looks before it, the first of them `quiet` cycles or more before the last.
+    looks before it, the first of them `quiet` cycles or more before the last. After each reset the program
+    pulls `restart`, wired to the other chip's MCLR, low for `pulled` cycles or more, once, before its first
+    look.
     """
 
     pin: str
@@ -219,14 +224,18 @@ class WireRule:
     frames: int
     cycles: Cycles
     quiet: Cycles
+    restart: str | None = None
+    pulled: Cycles = NO_CYCLES
 
     def to_json(self) -> dict[str, object]:
+        restart = {"restart": self.restart, "restart_cycles": self.pulled} if self.restart else {}
         return {
             "pin": self.pin,
             "from": self.source,
             "frames": self.frames,
             "cycles": self.cycles,
             "quiet_cycles": self.quiet,
+            **restart,
         }
 
 
@@ -470,8 +479,9 @@ class _Reader:
         return TapeRule(pins[0], pins[1], self._text(eeprom, "tape.eeprom"))
 
     def _wire(self, data: Any, channels: tuple[Channel, ...]) -> WireRule:
-        keys = ("pin", "from", "frames", "cycles", "quiet_cycles")
-        pin, source, frames, cycles, quiet = self._table(data, "wire", keys)
+        keys = ("pin", "from", "frames", "cycles", "quiet_cycles", "restart", "restart_cycles")
+        known = {"restart": None, "restart_cycles": 0, **data} if isinstance(data, dict) else data
+        pin, source, frames, cycles, quiet, restart, pulled = self._table(known, "wire", keys)
         read = self._input({"pin": pin, "level": 0}, "wire", channels)
         return WireRule(
             read.pin,
@@ -479,6 +489,10 @@ class _Reader:
             self._whole(frames, "wire.frames", 0),
             Cycles(self._whole(cycles, "wire.cycles", 0)),
             Cycles(self._whole(quiet, "wire.quiet_cycles", 0)),
+            None
+            if restart is None
+            else self._input({"pin": restart, "level": 0}, "wire.restart", channels).pin,
+            Cycles(self._whole(pulled, "wire.restart_cycles", 0)),
         )
 
     def _buttons(self, data: Any, channels: tuple[Channel, ...]) -> ButtonRule:

@@ -1,7 +1,7 @@
 """One page about two chips: how both are wired, drawn and in tables, and what one run of both showed.
 
 In: the jobs of both chips, the verdicts in words. Out: a self-contained HTML page. Lines leave a pin beside
-its label; the clock goes over the second chip, the wire under both.
+its label; the clock goes over the second chip, the wire under both, the line to MCLR under that.
 """
 
 from __future__ import annotations
@@ -21,11 +21,13 @@ AT, WIDTH, BELOW = (170, 640), 96, 50
 """Where the bodies of the chips begin, how wide they are, and how far the pins are below those of a package
 that is drawn alone.
 """
-CLOCK_Y, WIRE_Y = 20, 340
+CLOCK_Y, WIRE_Y, RESTART_Y = 20, 340, 366
 LETTER, BESIDE = 7.2, 26
 """The width of a letter of a label, and where the first one is, from the body."""
 LEFT, RIGHT = (16, 500), (480, 960)
 """Where a line of each chip goes up or down, beside its labels."""
+RESTART, JUMPER = (6, 486), (430, 450)
+"""Where the line to MCLR goes down and up, and where its jumper is."""
 FIXED = {"VDD": "VDD +5 V", "VSS": "VSS ground", "MCLR": "MCLR 10 kΩ to VDD"}
 
 
@@ -72,9 +74,11 @@ def _values(facts: PairFacts) -> dict[str, object]:
             "text": f"{first.clock.hz / 1e6:g} MHz, 2 × 22 pF",
         },
         "wire": _wire(pins, ends),
+        "restart": _restart(pins, ends[1].restart),
         "remarks": [
             "One supply and one ground for both chips, 100 nF at each VDD, the crystal's 22 pF to ground; "
             "the ground is also that of the servos' supply.",
+            *restart_text(ends[1]),
             *(line for job in facts.jobs for line in open_drain(job)),
             *remarks(both),
         ],
@@ -82,6 +86,18 @@ def _values(facts: PairFacts) -> dict[str, object]:
         "programs": facts.programs,
         "one_run": facts.one_run,
     }
+
+
+def restart_text(end: FrameWire) -> tuple[str, ...]:
+    """Return how the second chip resets the first, if it does."""
+    if end.restart is None:
+        return ()
+    return (
+        f"{end.restart} of chip2 goes to MCLR of chip1 through a jumper: whichever chip was reset, both "
+        "begin anew.",
+        "Open the jumper while chip1 is programmed in the circuit: its MCLR then has 13 V, of which "
+        f"{end.restart} takes 8.5 V; a diode would not keep them off.",
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +125,8 @@ def _pins(job: PlannedJob, end: FrameWire) -> Mapping[str, _Leg]:
     def text(pin: PackagePin) -> str:
         if pin.name == end.pin and end.follows:
             return f"{pin.name} wire"
+        if pin.name == end.restart and end.follows:
+            return f"{pin.name} resets chip 1"
         return f"{pin.name} {pin.servo}" if pin.servo else FIXED.get(pin.name, pin.name)
 
     return {
@@ -143,4 +161,18 @@ def _wire(pins: Sequence[Mapping[str, _Leg]], ends: Sequence[FrameWire]) -> dict
         "text": f"the wire: {ends[0].pin} of chip 1 to {ends[1].pin} of chip 2",
         "text_x": min(turns) + 8,
         "pull": 560,
+    }
+
+
+def _restart(pins: Sequence[Mapping[str, _Leg]], pin: str | None) -> dict[str, object] | None:
+    """Return the line from the second chip's pin to the first one's MCLR, if there is one."""
+    if pin is None:
+        return None
+    (x, y), (other, up) = _beside(0, pins[0]["MCLR"]), _beside(1, pins[1][pin])
+    (down, back), (left, right) = RESTART, JUMPER
+    return {
+        "path": f"M{x} {y} H{down} V{RESTART_Y} H{left} M{right} {RESTART_Y} H{back} V{up} H{other}",
+        "jumper": JUMPER,
+        "y": RESTART_Y,
+        "text": f"{pin} of chip 2 to MCLR of chip 1; a jumper, open while chip 1 is programmed",
     }

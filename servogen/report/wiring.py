@@ -62,11 +62,15 @@ def wires(job: Job) -> Iterator[Wire]:
         if tape.error_pin is not None:
             yield Wire(numbers[tape.error_pin], tape.error_pin, "out: high once the tape could not be read")
     chips = given(job.inputs, FrameWire)
-    crystal = ("crystal, 22 pF to VSS", "crystal, 22 pF to VSS")
+    crystal, reset = ("crystal, 22 pF to VSS", "crystal, 22 pF to VSS"), "10 kOhm to VDD"
     if chips is not None:
         end = "from the first" if chips.follows else "to the second"
         use = f"wire {end} chip's {chips.other}{', 10 kOhm pull-down to ground' if chips.follows else ''}"
         yield Wire(numbers[chips.pin], chips.pin, use)
+        if chips.restart and chips.follows:
+            yield Wire(numbers[chips.restart], chips.restart, "MCLR of the first chip, through a jumper")
+        elif chips.restart:
+            reset += f", and {chips.restart} of the second chip through a jumper"
         crystal = (
             ("OSC2 of the first chip", "nothing")
             if chips.follows
@@ -75,7 +79,7 @@ def wires(job: Job) -> Iterator[Wire]:
     for pin, use in (
         ("VDD", "+5 V, 100 nF to VSS"),
         ("VSS", "ground, also of the servos' supply"),
-        ("MCLR", "10 kOhm to VDD"),
+        ("MCLR", reset),
         ("OSC1", crystal[0]),
         ("OSC2", crystal[1]),
     ):

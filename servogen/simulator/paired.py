@@ -1,4 +1,4 @@
-"""Two chips on one crystal, with a wire from a pin of the first to a pin of the second.
+"""Two chips on one crystal, with a wire from a pin of the first to a pin of the second, and one back to MCLR.
 
 In: a machine that is `shown`, stepped and acted upon, and the `other` one, which keeps up with it. Out: one
 machine whose edges are those of both: the other one's pins have numbers from `OTHER_PINS` on.
@@ -6,22 +6,28 @@ machine whose edges are those of both: the other one's pins have numbers from `O
     shown first     shown ──▶ edges on the wire's pin ──▶ applied to the other one's pin, which runs after it
     shown second    its stimulus is `FirstChip`, a first chip of its own that runs ahead of it; the other one,
                     the same chip, runs after it
+    restart         where the second chip lets go of its pin, or pulls it low, both go back to that cycle, and
+                    on from there with that level at the first one's MCLR
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Set
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from itertools import tee
 
 import numpy as np
 
 from servogen.edges import HIGH, LOW, OTHER_PINS, UNDRIVEN, EdgeChunk, join, part
 from servogen.pic.image import Image
+from servogen.simulator.layout import MCLR_PIN
 from servogen.simulator.machine import Machine, Observation, Packed, Snapshot, Stimulus
 from servogen.simulator.options import SimulatorOptions
 from servogen.simulator.sources import LevelChange
+from servogen.simulator.stimulus import Stimuli
 from servogen.units import Clock
 
+NO_ROWS = np.zeros((0, 4), dtype=np.int64)
 AHEAD_S = 1
 """The time that a first chip runs ahead at least, so that one without edges does not run for ever."""
 
@@ -56,6 +62,7 @@ class PairedSnapshot(Snapshot):
     """A moment of both chips; that of the other one is `other`."""
 
     other: Snapshot
+    mclr: int
 
 
 class PairedMachine(Machine):
@@ -71,12 +78,20 @@ class PairedMachine(Machine):
         stimulus: Stimulus | None,
         other: Machine,
         wire: tuple[int, int] | None,
+        first: FirstChip,
+        restart: int | None = None,
     ) -> None:
-        """Power up the shown chip; `wire` is its pin and the other one's if it is the first, else None."""
+        """Power up the shown chip; `wire` is its pin and the other one's if it is the first, else None.
+
+        The pin `restart` of the second chip is wired to the MCLR of the first.
+        """
         super().__init__(image, clock, options, stimulus)
         self.other = other
         """The chip that is not shown."""
         self._wire = wire
+        self._first = first
+        self._restart = None if restart is None else restart + OTHER_PINS * (wire is not None)
+        self._mclr = HIGH
         if wire is not None:
             other.apply([LevelChange(0, wire[1], LOW)])
 
@@ -99,12 +114,13 @@ class PairedMachine(Machine):
     def snapshot(self) -> PairedSnapshot:
         mine = super().snapshot()
         kept = {field.name: getattr(mine, field.name) for field in fields(Snapshot)}
-        return PairedSnapshot(**kept, other=self.other.snapshot())
+        return PairedSnapshot(**kept, other=self.other.snapshot(), mclr=self._mclr)
 
     def restore(self, snapshot: Snapshot) -> None:
         assert isinstance(snapshot, PairedSnapshot)
         super().restore(snapshot)
         self.other.restore(snapshot.other)
+        self._mclr = snapshot.mclr
 
     def repeat(self, first: Snapshot, second: Snapshot, times: int) -> None:
         assert isinstance(first, PairedSnapshot) and isinstance(second, PairedSnapshot)
@@ -117,15 +133,69 @@ class PairedMachine(Machine):
         return Machine.repeats(first, second) and Machine.repeats(first.other, second.other)
 
     def observe(self, cycles: int, observation: Observation) -> Iterator[tuple[EdgeChunk, Packed]]:
-        for edges, rows in super().observe(cycles, observation):
-            yield self._of_both(edges), rows
+        def runs(end: int) -> Iterator[tuple[EdgeChunk, Packed]]:
+            for edges, rows in Machine.observe(self, end - self.cycles, observation):
+                yield self._of_both(edges), rows
+
+        yield from self._with_line(self.cycles + cycles, runs, self.breakpoints)
 
     def _advance(self, end: int, *, fast: bool, breakpoints: Set[int] | None = None) -> Iterator[EdgeChunk]:
-        for edges in super()._advance(end, fast=fast, breakpoints=breakpoints):
-            yield self._of_both(edges)
-        rest = self._of_both(join(()))
-        if len(rest.cycle):
-            yield rest
+        def runs(end: int) -> Iterator[tuple[EdgeChunk, Packed]]:
+            for edges in Machine._advance(self, end, fast=fast, breakpoints=breakpoints):
+                yield self._of_both(edges), NO_ROWS
+            rest = self._of_both(join(()))
+            if len(rest.cycle):
+                yield rest, NO_ROWS
+
+        stops = self.breakpoints if breakpoints is None else breakpoints
+        yield from (edges for edges, _ in self._with_line(end, runs, stops))
+
+    def _with_line(
+        self, end: int, runs: Callable[[int], Iterator[tuple[EdgeChunk, Packed]]], breakpoints: Set[int]
+    ) -> Iterator[tuple[EdgeChunk, Packed]]:
+        """Yield what `runs`, to a cycle, yields up to `end`, with the line back to the first chip's MCLR.
+
+        Both chips run without it; what follows a change of it is made again.
+        """
+        running = runs(end)
+        if self._restart is None:
+            yield from running
+            return
+        while True:
+            before = self.snapshot()
+            made = next(running, None)
+            if made is None:
+                return
+            edges = made[0]
+            changed = (edges.pin == self._restart) & ((edges.level == LOW) == (self._mclr == HIGH))
+            if not changed.any():
+                yield made
+                continue
+            self.restore(before)
+            there = int(edges.cycle[changed][0])
+            yield from runs(there)
+            if self.cycles < there:  # it has stopped before
+                return
+            self._set_mclr(there)
+            if self.cycles >= end or self.pc in breakpoints:
+                return
+            running = runs(end)
+
+    def _set_mclr(self, cycle: int) -> None:
+        """Give the first chip's MCLR its other level."""
+        self._mclr = LOW if self._mclr == HIGH else HIGH
+        first = self if self._wire is not None else self.other
+        change = LevelChange(max(cycle, first.cycles), MCLR_PIN, self._mclr)
+        if first is self:
+            self.apply([change])
+            return
+        first.apply([change])
+        # What runs ahead of the shown one is now as the other one is.
+        ahead = self._first.powered()
+        ahead.restore(first.snapshot())
+        stimuli = Stimuli([replace(self._first, powered=lambda: ahead)])
+        self._changes = tee(stimuli.changes(self.clock), 1)[0]
+        self._refill()
 
     def _of_both(self, edges: EdgeChunk) -> EdgeChunk:
         """Let the other chip keep up, and return its edges among those of the shown one.

@@ -1,8 +1,7 @@
 """A job of two chips -> two builds, run in one time with the wire between them, and the verdict on both.
 
-In: a planned job with two chips. Out: `PairBuild`, and a folder with `chip1/`, `chip2/` and one report. The
-first chip does not depend on the second: it runs first, and the edges on its pin of the wire are what the
-second one's pin gets. Both count from the same power-up.
+In: a planned job with two chips. Out: `PairBuild`, and a folder with `chip1/`, `chip2/` and one report. Both
+count from the same power-up.
 
     chip 1 ──▶ edges ──▶ its schedule
                  └ the wire's pin ──▶ chip 2 ──▶ edges ──▶ its schedule, and how far from the first one's
@@ -17,8 +16,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from servogen.edges import HIGH, PINS, EdgeTrace, join
-from servogen.engines.board import board_of
+from servogen.edges import HIGH, OTHER_PINS, PINS, EdgeTrace, join, part
+from servogen.engines.board import paired_machine
 from servogen.engines.firmware import Firmware
 from servogen.errors import InputError
 from servogen.job import PlannedJob
@@ -28,15 +27,13 @@ from servogen.pic.image import Image
 from servogen.plan_error import plan_text
 from servogen.programs import PAIR_FOLDERS, is_built_pair, read_pair
 from servogen.pulse import PulseSchedule
-from servogen.report.pair import PairFacts, pair_page
-from servogen.simulator import Levels, Machine, Stimuli
-from servogen.simulator.sources import SignalSource
+from servogen.report.pair import PairFacts, pair_page, restart_text
 from servogen.units import Cycles
 from servogen.verify import Verdict, verdict_lines
 from servogen.workflows.engines import PlayedJob, planned
 from servogen.workflows.job_build import Build, build_alone, write
 from servogen.workflows.pair_proof import PairProof, prove_pair
-from servogen.workflows.verification import checked_cycles, judge_edges, running
+from servogen.workflows.verification import checked_cycles, judge_edges
 
 if TYPE_CHECKING:
     from servogen.answers import PairBuildFacts, PairVerdictAnswer
@@ -243,49 +240,33 @@ def _images(build: Build) -> dict[str, Image]:
     return {program.firmware.dialect: program.image for program in build.programs}
 
 
-def wire_edges(trace: EdgeTrace, pin: str) -> tuple[tuple[int, int], ...]:
-    """Return the levels of the first chip's pin of the wire, with the pull-down: (cycle, level)."""
-    edges = join(trace.chunks)
-    mine = edges.pin == PINS.index(pin)
-    levels = (edges.level[mine] == HIGH).astype(int)
-    return ((0, 0), *zip(edges.cycle[mine].tolist(), levels.tolist(), strict=True))
+def judge_pair(schedules: tuple[PulseSchedule, PulseSchedule], images: tuple[Image, Image]) -> PairVerdict:
+    """Run both chips in one time and return the verdict."""
+    first = schedules[0]
+    limit = first.run_cycles(Cycles(max(checked_cycles(each) for each in schedules)))
+    edges = join(paired_machine(schedules, images).stream(limit))
+    others = edges.pin >= OTHER_PINS
+    mine, theirs = part(edges, ~others), part(edges, others)
+    theirs = theirs._replace(pin=theirs.pin - np.uint8(OTHER_PINS))
+    leads, follows = (EdgeTrace(first.clock, [each], limit) for each in (mine, theirs))
+    return judge_traces(schedules, (leads, follows))
 
 
-def second_chip(
-    schedule: PulseSchedule,
-    image: Image,
-    wire: tuple[tuple[int, int], ...],
-    *more: SignalSource,
-) -> Machine:
-    """Return the second chip with these levels on its wire, and `more` that happens to its pins."""
-    assert schedule.wire is not None
-    sources = [Levels(PINS.index(schedule.wire.pin), wire), *more]
-    return Machine(image, schedule.clock, board_of(schedule), Stimuli(sources))
-
-
-def judge_pair(
-    schedules: tuple[PulseSchedule, PulseSchedule],
-    images: tuple[Image, Image],
-    change: Callable[[tuple[tuple[int, int], ...]], tuple[tuple[int, int], ...]] = lambda wire: wire,
+def judge_traces(
+    schedules: tuple[PulseSchedule, PulseSchedule], traces: tuple[EdgeTrace, EdgeTrace]
 ) -> PairVerdict:
-    """Run both chips in one time and return the verdict; `change` is what happens to the wire's edges on
-    their way.
-    """
-    first, second = schedules
-    rule = second.wire
+    """Return the verdict on the edges of both chips in one time."""
+    period, rule = schedules[1].period, schedules[1].wire
     assert rule is not None
-    span = Cycles(max(checked_cycles(each) for each in schedules))
-    trace = running(first, images[0], span).stored()
-    leads, limit = judge_edges(first, trace, span), trace.end
-    wire = change(wire_edges(trace, rule.source))
-    machine = second_chip(second, images[1], wire)
-    follows = judge_edges(
-        second, EdgeTrace(second.clock, machine.stream(limit), limit), checked_cycles(second)
+    leads, follows = (
+        judge_edges(schedule, trace, checked_cycles(schedule))
+        for schedule, trace in zip(schedules, traces, strict=True)
     )
-    rise = next((cycle for cycle, level in wire if level), None)
+    source, edges = PINS.index(rule.source), join(traces[0].chunks)
+    rises = edges.cycle[(edges.pin == source) & (edges.level == HIGH)]
     apart = None
-    if rise is not None and follows.start is not None:
-        apart = follows.start - rise - rule.frames * second.period - rule.cycles
+    if len(rises) and follows.start is not None:
+        apart = follows.start - int(rises[0]) - rule.frames * period - rule.cycles
     return PairVerdict((leads, follows), apart)
 
 
@@ -348,6 +329,7 @@ def pair_report(result: PairBuild) -> str:
         "pull-down of 10 kOhm.",
         "chip2 has no pulses in the first frames of chip1 and begins with the next. In a frame in which the",
         "wire does not rise in its cycle it releases its pulses; it begins again when chip1 does.",
+        *restart_text(first.wire),
     ]
     for folder, build, programs in zip(PAIR_FOLDERS, result.chips, result.programs(), strict=True):
         pins = ", ".join(f"{servo.pin} {servo.name}" for servo in build.job.servos)

@@ -58,11 +58,13 @@ class PairProof:
     def lines(self) -> list[str]:
         """Return the answer as text."""
         rows = [self.summary()]
+        wire = self.schedules[1].wire
+        restarts = [f"{RESTARTS} ({wire.restart} of chip2)"] if wire and wire.restart else []
         if self.proven:
             rows += [f"  {text}" for text in self._theorem()]
         for name, (verdict, proof, _) in zip(PAIR_FOLDERS, self.chips, strict=True):
             rows += [f"{name}: {verdict.text}", f"  {proof.states} states, {proof.runs} runs"]
-        assumed = [*ASSUMED, *(each for _, proof, _ in self.chips for each in proof.assumptions)]
+        assumed = [*ASSUMED, *restarts, *(each for _, proof, _ in self.chips for each in proof.assumptions)]
         return [*rows, "assumed:", *(f"  {each}" for each in dict.fromkeys(assumed))] if self.proven else rows
 
     def _theorem(self) -> Iterator[str]:
@@ -72,16 +74,21 @@ class PairProof:
         late = float(first.clock.us(self.late)) / 1000
         yield "for every power-up, input, chip and wire: every edge of chip1 is its schedule's; chip2 has"
         yield "whole frames of its schedule, those in which the wire rises in its cycle, and no other pulse"
-        yield f"from each reset of chip1 on, chip2's first edge comes {rule.cycles} cycles after the wire's"
+        of = "either chip" if rule.restart else "chip1"
+        yield f"from each reset of {of} on, chip2's first edge comes {rule.cycles} cycles after the wire's"
+        if rule.restart:
+            yield f"rise {rule.frames}, counted from 0: a chip2 that begins resets chip1 before it joins"
+            return
         yield f"rise {rule.frames}, counted from 0, if chip2 begins no later than {late:.0f} ms after chip1"
         yield "a chip2 that begins later, or is reset alone, has no pulses until chip1 begins anew"
 
     def to_json(self) -> PairProofFacts:
+        restarts = self.schedules[1].wire and self.schedules[1].wire.restart
         return {
             "answer": "proven" if self.checked else self.summary().removeprefix("both chips: "),
             "proven": self.checked,
             "misfits": list(self.misfits),
-            "second_begins_late_cycles": self.late if self.proven else None,
+            "second_begins_late_cycles": self.late if self.proven and not restarts else None,
             "chips": [verdict.text for verdict, _, _ in self.chips],
         }
 
@@ -90,6 +97,9 @@ ASSUMED = (
     "both chips count the cycles of one crystal; the wire has a pull-down and passes every level on",
     "no pulse of at most 10 cycles on the wire before the first chip's first frame, beside its reset",
 )
+RESET_US = 2
+"""The shortest low level at MCLR that resets a chip: parameter 30 of DS35007; 1 us in DS30430."""
+RESTARTS = f"the MCLR of chip1 has a pull-up, and {RESET_US} us of a low level there reset it"
 
 
 def prove_pair(
@@ -141,6 +151,8 @@ def _misfits(first: PulseSchedule, second: PulseSchedule) -> Iterator[str]:
         yield "the chips have different clocks or frames"
     if first.buttons or first.commands or first.wire:
         yield "something steers chip1, of which chip2 knows nothing"
+    if rule.restart and second.clock.us(rule.pulled) < RESET_US:
+        yield f"chip2 resets chip1 for {float(second.clock.us(rule.pulled)):g} us; {RESET_US} are needed"
     names = [channel.pin for channel in first.channels]
     runs = (*first.lead_in, *first.loop)
     wires = {run.pulses[names.index(rule.source)] for run in runs} if rule.source in names else {None}

@@ -132,6 +132,51 @@ def test_a_program_is_not_proven_for_another_rule(what: str) -> None:
     assert not proof.proven
 
 
+RESTART = f"""
+        bsf STATUS, RP0
+        movlw 0x0F
+        movwf TRISA
+{wait(20)}
+        movlw 0x1F
+        movwf TRISA
+        bcf STATUS, RP0
+"""
+BEGIN = "wire    movlw 64"
+RESTARTS = replace(SCHEDULE, wire=SCHEDULE.wire and replace(SCHEDULE.wire, restart="RA4", pulled=Cycles(22)))
+
+
+@pytest.fixture(scope="module")
+def restarts() -> Proof:
+    return proven(changed(BEGIN, RESTART + BEGIN), RESTARTS)
+
+
+def test_that_the_other_chip_is_reset_before_the_wire_is_read_is_proven_by_both(restarts: Proof) -> None:
+    assert restarts.proven, restarts.reason
+    image, text = changed(BEGIN, RESTART + BEGIN), RESTARTS.json_text().encode()
+    assert second_witness(restarts, image, RESTARTS, text).text == "proven, checked"
+
+
+NO_RESTART = {
+    "never": BEGIN,
+    "a cycle too short": RESTART.replace(wait(20), wait(19)) + BEGIN,
+    "twice": RESTART + RESTART + BEGIN,
+    "whenever the wire is awaited": BEGIN + RESTART,
+    "without an end": RESTART.replace("movlw 0x1F", "movlw 0x0F") + BEGIN,
+    "after a look at the wire": "        btfss PORTA, 1\n        nop\n" + RESTART + BEGIN,
+}
+
+
+@pytest.mark.parametrize("when", NO_RESTART)
+def test_a_chip_that_resets_the_other_at_another_time_is_accepted_by_neither(
+    restarts: Proof, when: str
+) -> None:
+    image, text = changed(BEGIN, NO_RESTART[when]), RESTARTS.json_text().encode()
+    assert not proven(image, RESTARTS).proven
+    claim = read_certificate(certificate(restarts, image, RESTARTS, text), "it")
+    with pytest.raises(Refused, match=r"another chip|first chip"):
+        check_certificate(claim, image, text, "schedule.json")
+
+
 def logged(number: int, image: Image, changes: list[tuple[int, int, int]]) -> list[tuple[int, int]]:
     """(cycle, levels of all pins) at each change of a chip's pins in gpsim, which counts from 1 less."""
     schedule = schedules()[number]

@@ -34,6 +34,14 @@ def test_a_pair_that_is_not_exact_says_so() -> None:
     assert "NOT exact" in page(exact=False) and "both chips exact" not in page(exact=False)
 
 
+def test_a_line_to_mclr_is_drawn_with_its_jumper_where_there_is_one() -> None:
+    text = page('wire = "RA1"', 'wire = "RA1"\nrestart = "RA4"')
+    first, second = text.split("Every pin")[1].split("<b>chip 2</b>")
+    assert "and RA4 of the second chip through a jumper" in first and "MCLR of the first chip" in second
+    assert "RA4 resets chip 1" in text and "Open the jumper while chip1 is programmed" in text
+    assert "jumper" not in page()
+
+
 def ends(drawing: ElementTree.Element, kind: str) -> tuple[tuple[float, float], tuple[float, float]]:
     """Where a line begins and ends."""
     (path,) = (each.get("d", "") for each in drawing.iter("path") if each.get("class") == kind)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -88,6 +89,25 @@ def test_a_reset_of_the_first_chip_takes_the_pulses_of_the_second(subject: Subje
     chunk = session.chip.edges(THERE + FRAME, THERE + 5 * FRAME)
     assert not np.isin(chunk.pin, [RB0, OTHER_PINS + RB0]).any()
     assert answer(session, do="seek", cycle=THERE - FRAME)["widths"][OTHER_PINS + RB0] > 0
+
+
+def test_a_reset_of_the_second_chip_alone_begins_both_anew_where_it_restarts_the_first(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "arm.toml"
+    path.write_text(TWO.replace('"RA1"', '"RA1"\nrestart = "RA4"') + ARM.format(elbow="RB0"))
+    session = at(load_subject(path, Setting()).showing(1))
+    assert session.model()["compared"] and session.subject.first_difference is None
+    for level in (0, 1):
+        answer(session, do="pin", pin="MCLR", level=level)
+        session.chip.seek(session.now + 100)
+    session.chip.seek(THERE + 25 * FRAME)
+    pulses = session.chip.edges(THERE + FRAME, THERE + 25 * FRAME)
+    first, second = (
+        pulses.cycle[(pulses.pin == pin) & (pulses.level == 1)] for pin in (OTHER_PINS + RB0, RB0)
+    )
+    assert first[0] > THERE + 13 * FRAME and (np.diff(first) == FRAME).all()
+    assert np.isin(second - first[4] - second[0] + first[4], first - first[4]).all() and len(second) >= 5
 
 
 def test_why_a_pin_is_as_it_is_is_asked_at_its_own_chip(subject: Subject) -> None:

@@ -12,19 +12,21 @@ from click.testing import Result
 from typer.testing import CliRunner
 
 from servogen.cli.app import app
-from servogen.edges import HIGH, OTHER_PINS, EdgeChunk, EdgeTrace, join
-from servogen.engines.board import machine_of, paired_machine
+from servogen.edges import HIGH, LOW, OTHER_PINS, PINS, UNDRIVEN, EdgeChunk, EdgeTrace, join, part
+from servogen.engines.board import board_of, machine_of, paired_machine
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
-from servogen.pic.image import read_hex
-from servogen.simulator import Reset
+from servogen.pic.image import Image, read_hex
+from servogen.simulator import LevelChange, Levels, Machine, PairedMachine, Reset, Stimuli
+from servogen.simulator.layout import MCLR_PIN
+from servogen.simulator.machine import Observation
 from servogen.units import Cycles
 from servogen.watch import editing
 from servogen.watch.subject import Setting
 from servogen.workflows.certificates import prove_program
 from servogen.workflows.engines import planned
-from servogen.workflows.pair import PairBuild, build_pair, judge_pair, second_chip, wire_edges
-from servogen.workflows.verification import running
+from servogen.workflows.pair import PairBuild, PlayedPair, build_pair, judge_traces, planned_pair
+from servogen.workflows.verification import checked_cycles, running
 from tests.campaigns import sampled
 
 JOB = """
@@ -76,11 +78,26 @@ def pair() -> PairBuild:
     return build_pair(plan_job(loads(JOB, "pair.toml")))
 
 
+def leads(pair: PairBuild, span: int = 30 * P) -> EdgeTrace:
+    """What the first chip does alone."""
+    first = pair.chips[0]
+    return running(first.plan.schedule, first.programs[0].image, Cycles(span)).stored()
+
+
+def second_chip(pair: PairBuild, wire: Wire, *more: Reset) -> Machine:
+    """The second chip with these levels on its wire, and `more` that happens to its pins."""
+    second = pair.chips[1]
+    schedule, levels = second.plan.schedule, Levels(PINS.index("RA4"), wire)
+    return Machine(second.programs[0].image, schedule.clock, board_of(schedule), Stimuli([levels, *more]))
+
+
 @pytest.fixture(scope="module")
 def wire(pair: PairBuild) -> Wire:
     """The first 60 frames' levels of the wire."""
-    first = pair.chips[0]
-    return wire_edges(running(first.plan.schedule, first.programs[0].image, Cycles(30 * P)), "RB1")
+    edges = join(leads(pair).chunks)
+    mine = edges.pin == PINS.index("RB1")
+    levels = (edges.level[mine] == HIGH).astype(int)
+    return ((0, 0), *zip(edges.cycle[mine].tolist(), levels.tolist(), strict=True))
 
 
 def rises(wire: Wire) -> list[int]:
@@ -89,10 +106,7 @@ def rises(wire: Wire) -> list[int]:
 
 def high_edges(pair: PairBuild, wire: Wire, *more: Reset, frames: int = 60) -> list[int]:
     """The cycles in which a pulse of the second chip begins, with this wire."""
-    second = pair.chips[1]
-    machine = second_chip(second.plan.schedule, second.programs[0].image, wire, *more)
-    end = Cycles(frames * P)
-    edges = join(EdgeTrace(second.plan.schedule.clock, machine.stream(end), end).chunks)
+    edges = second_chip(pair, wire, *more).run(frames * P)
     return sorted(set(edges.cycle[edges.level == HIGH].tolist()))
 
 
@@ -164,10 +178,11 @@ def test_a_wrong_wire_releases_the_pulses_in_its_frame_for_good(
     assert len(found) == len([cycle for cycle in high_edges(pair, wire) if cycle < right[12]])
 
 
-def test_the_verdict_on_a_wrong_wire_names_the_first_missing_edge(pair: PairBuild) -> None:
+def test_the_verdict_on_a_wrong_wire_names_the_first_missing_edge(pair: PairBuild, wire: Wire) -> None:
     schedules = pair.chips[0].plan.schedule, pair.chips[1].plan.schedule
-    images = pair.chips[0].programs[0].image, pair.chips[1].programs[0].image
-    verdict = judge_pair(schedules, images, WRONG["a cycle late"])
+    first = leads(pair, checked_cycles(schedules[0]))
+    wrong = second_chip(pair, WRONG["a cycle late"](wire)).run(first.end)
+    verdict = judge_traces(schedules, (first, EdgeTrace(first.clock, [wrong], first.end)))
     assert verdict.chips[0].passed and not verdict.exact
     assert "frame 8" in verdict.chips[1].reasons[0] and "does not" in verdict.chips[1].reasons[0]
 
@@ -209,7 +224,7 @@ def test_both_chips_in_one_machine_make_the_edges_of_each_alone(
     images = pair.chips[0].programs[0].image, pair.chips[1].programs[0].image
     alone = (
         rows(machine_of(first, images[0]).run(40 * P)),
-        rows(second_chip(second, images[1], wire).run(40 * P), OTHER_PINS),
+        rows(second_chip(pair, wire).run(40 * P), OTHER_PINS),
     )
     both = paired_machine((first, second), images, shown)
     begin = both.snapshot()
@@ -218,6 +233,61 @@ def test_both_chips_in_one_machine_make_the_edges_of_each_alone(
         assert all((np.diff(chunk.cycle) >= 0).all() for chunk in seen)
         assert rows(join(seen), shown * OTHER_PINS) == sorted([*alone[0], *alone[1]])
         both.restore(begin)
+
+
+@pytest.fixture(scope="module")
+def restarting() -> PlayedPair:
+    return planned_pair(
+        plan_job(loads(JOB.replace('wire = "RA4"', 'wire = "RA1"\nrestart = "RA4"'), "it.toml"))
+    )
+
+
+@pytest.fixture(scope="module")
+def images(restarting: PlayedPair) -> tuple[Image, Image]:
+    return restarting.images()
+
+
+@pytest.mark.parametrize("offset", [0, 744, 5_003])
+def test_after_a_reset_of_the_second_chip_alone_both_begin_anew(
+    restarting: PlayedPair, images: tuple[Image, Image], offset: int
+) -> None:
+    """Both are exact from there on, the second one in the frame of the wire."""
+    machine = paired_machine(restarting.schedules, images, shown=1)
+    machine.run(40 * P + offset)
+    begin, before = machine.cycles, machine.other.state().resets["mclr"]
+    machine.apply([LevelChange(begin, MCLR_PIN, 0), LevelChange(begin + 50, MCLR_PIN, 1)])
+    machine.run(1000)
+    edges = machine.run(60 * P)
+    assert machine.other.state().resets["mclr"] == before + 1
+    first, second = (
+        EdgeTrace(machine.clock, [chunk._replace(pin=chunk.pin % OTHER_PINS)], machine.cycles)
+        for chunk in (part(edges, edges.pin >= OTHER_PINS), part(edges, edges.pin < OTHER_PINS))
+    )
+    verdict = judge_traces(restarting.schedules, (first, second))
+    assert verdict.exact and min(verdict.chips[0].start, verdict.chips[1].start) > begin + 13 * P
+
+
+@pytest.mark.parametrize("shown", [0, 1])
+def test_the_first_chip_is_reset_in_one_cycle_however_the_run_is_cut(
+    restarting: PlayedPair, images: tuple[Image, Image], shown: int
+) -> None:
+    """Whichever chip is shown, in one run, in small ones, by instructions that are noted, and from a
+    snapshot.
+    """
+
+    def noted(machine: PairedMachine, end: int) -> EdgeChunk:
+        trace = np.zeros((64, 4), dtype=np.int64)
+        return join(edges for edges, _ in machine.observe(end, Observation(trace=trace)))
+
+    whole = rows(paired_machine(restarting.schedules, images).run(15 * P))
+    assert [edge[2] for edge in whole if edge[1] == OTHER_PINS + PINS.index("RA4")] == [LOW, UNDRIVEN]
+    machine = paired_machine(restarting.schedules, images, shown)
+    begin = machine.snapshot()
+    parts = [machine.run(7) for _ in range(200)]
+    assert rows(join([*parts, machine.run(15 * P - machine.cycles)]), shown * OTHER_PINS) == whole
+    machine.restore(begin)
+    parts = [noted(machine, 1500), machine.run(15 * P - 1500)]
+    assert rows(join(parts), shown * OTHER_PINS) == whole
 
 
 def test_frames_of_the_first_chip_begin_after_the_second_one_can_listen(pair: PairBuild, wire: Wire) -> None:
@@ -230,6 +300,9 @@ def test_frames_of_the_first_chip_begin_after_the_second_one_can_listen(pair: Pa
     [
         ('wire = "RB1"', 'wire = "RB5"', "no servo of the first chip is on RB5"),
         ('wire = "RA4"', 'wire = "RA3"', "RA3 is in use: d"),
+        ('wire = "RA4"', 'wire = "RA4"\nrestart = "RA4"', "RA4 is in use: wire"),
+        ('wire = "RA4"', 'wire = "RA4"\nrestart = "RA1"', "RA1 is no open drain"),
+        ('wire = "RB1"', 'wire = "RB1"\nrestart = "RA4"', "the first chip does not restart"),
         ('wire = "RA4"', 'wire = "RA4"\nservos = ["c"]', "'servos' is missing"),
         ("[motion]", '[firmware]\nengine = "sequence"\n[motion]', "does not follow another chip"),
         ("[motion]", '[firmware]\nstart_pin = "RB7"\n[motion]', "two chips do not read buttons"),

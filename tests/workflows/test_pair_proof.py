@@ -113,6 +113,14 @@ def test_a_first_chip_that_begins_too_soon_after_a_reset_makes_no_pair() -> None
     assert proof(images=(first_chip("movlw 12", "movlw 8"), second_chip())).checked
 
 
+def test_a_second_chip_that_resets_the_first_has_to_do_so_for_2_us() -> None:
+    """Parameter 30 of DS35007."""
+    rule = SECOND.wire
+    assert rule is not None
+    short = replace(SECOND, wire=replace(rule, restart="RA4", pulled=Cycles(1)))
+    assert "chip2 resets chip1 for 1 us; 2 are needed" in proof(second=short).misfits
+
+
 @pytest.mark.parametrize("chip", [0, 1])
 def test_a_pair_with_one_wrong_program_is_not_proven_and_says_which(chip: int) -> None:
     images = [first_chip(), second_chip()]

@@ -35,6 +35,12 @@ QUIET_S = Fraction(1, 4)
 end up to 104 ms after its own (DS35007, parameter 33: 28 to 132 ms), and then waits for a quiet frame."""
 
 
+RESTART_CYCLES = Cycles(768)
+"""The cycles for which a second chip that begins pulls the first one's MCLR low: 154 us at 20 MHz, where 2 us
+are enough (DS35007, parameter 30); a capacitor there takes more.
+"""
+
+
 def quiet_pause(period: Cycles) -> int:
     """Return the turns of 3 cycles between two of the 256 looks at the wire that together are longer than a
     frame.
@@ -50,7 +56,8 @@ def quiet_cycles(period: Cycles) -> Cycles:
 @dataclass(frozen=True, slots=True)
 class FrameWire:
     """The end of the wire at a chip's `pin`: the second chip `follows` it, the first one drives it with the
-    pulses of a servo. `other` is the pin of its other end.
+    pulses of a servo. `other` is the pin of its other end; `restart` the second chip's pin that is wired to
+    the first one's MCLR.
     """
 
     kind: ClassVar[str] = "the wire of another chip"
@@ -58,16 +65,19 @@ class FrameWire:
     pin: str
     follows: bool
     other: str
+    restart: str | None = None
 
     def quiet_frames(self, clock: Clock, period: Cycles) -> int:
         """Return the frames without pulses with which the first chip begins."""
         return -int(-QUIET_S // clock.seconds(period))
 
-    def text(self) -> tuple[str, str]:
+    def text(self) -> tuple[str, ...]:
         """Return the wiring of the pin, as text for the header of the C."""
         if self.follows:
             return (
                 f"{self.pin}: the wire from the first chip's {self.other}, 10 kOhm pull-down to ground.",
                 "The motion begins after a quiet frame; no pulses unless it rises in its cycle of each.",
+                *[f"{self.restart}: to the first chip's MCLR: low at the beginning, so that both begin anew."]
+                * bool(self.restart),
             )
         return f"{self.pin}: also the wire to the second chip's {self.other}.", "Quiet before the motion."

@@ -11,7 +11,7 @@ from servogen.engines.firmware import Firmware, ResourceError
 from servogen.engines.inputs import given
 from servogen.engines.inputs.buttons import ControlButtons, motion_with_wait, with_wait
 from servogen.engines.inputs.commands import commander
-from servogen.engines.inputs.wire import JOINING_FRAMES, FrameWire, quiet_cycles
+from servogen.engines.inputs.wire import JOINING_FRAMES, RESTART_CYCLES, FrameWire, quiet_cycles
 from servogen.engines.player import Playing, playing
 from servogen.engines.player.commanded import commanded
 from servogen.engines.player.legs import LONGEST
@@ -84,7 +84,8 @@ def play(
 
 def _rule(wire: FrameWire, played: Playing) -> WireRule:
     quiet = quiet_cycles(played.plan.schedule.period)
-    return WireRule(wire.pin, wire.other, JOINING_FRAMES, played.layout.after_rise, quiet)
+    rule = WireRule(wire.pin, wire.other, JOINING_FRAMES, played.layout.after_rise, quiet)
+    return replace(rule, restart=wire.restart, pulled=RESTART_CYCLES) if wire.restart else rule
 
 
 def _check_soft_start(job: EngineJob, ends: Sequence[int]) -> None:

@@ -13,6 +13,7 @@ from typing import Protocol
 from servogen.engines.c_text import (
     AsmLine,
     ChannelText,
+    PortText,
     assembly,
     channel_text,
     decimal,
@@ -190,6 +191,10 @@ class _WireText:
     follows: bool
     mask: str
     code: tuple[AsmLine, ...]
+    restart: str | None
+    pull: PortText
+    """The port of `restart`, with no other output."""
+    pulled: tuple[AsmLine, ...]
 
 
 def _wire(wire: FrameWire | None, played: Playing) -> _WireText | None:
@@ -212,7 +217,14 @@ def _wire(wire: FrameWire | None, played: Playing) -> _WireText | None:
             "last": _Delay.of(period - LAST_C - to_rise(slots.tick) - slots.slots[0].ticks * slots.tick),
         }
     code = tuple(assembly(render_template("player/wire.asm", **values)))
-    return _WireText(wire.follows, f"0x{1 << int(wire.pin[2]):02X}", code)
+    return _WireText(
+        wire.follows,
+        f"0x{1 << int(wire.pin[2]):02X}",
+        code,
+        wire.restart if wire.follows else None,
+        PortText("A", "0x0F"),
+        tuple(assembly(render_template("player/restart.asm"))),
+    )
 
 
 def render_player(

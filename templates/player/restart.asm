@@ -1,0 +1,5 @@
+; 768 cycles.
+    clrf    _count
+pl_restart:
+    decfsz  _count, F
+    goto    pl_restart
