@@ -539,7 +539,9 @@ class PairProofFacts(TypedDict):
     answer: Annotated[str, '"proven", or why it is not.']
     proven: Annotated[bool, "Whether it is proven and checked."]
     misfits: Annotated[list[str], "Why what is proven of each makes no theorem about both."]
-    second_begins_late_cycles: Annotated[int | None, "By how much the second chip may begin later."]
+    second_begins_late_cycles: Annotated[
+        int | None, "By how much the second chip may begin later; null: at any time."
+    ]
     chips: Annotated[list[str], "What is proven of each."]
 
 

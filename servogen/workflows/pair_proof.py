@@ -83,12 +83,13 @@ class PairProof:
         yield "a chip2 that begins later, or is reset alone, has no pulses until chip1 begins anew"
 
     def to_json(self) -> PairProofFacts:
-        restarts = self.schedules[1].wire and self.schedules[1].wire.restart
+        rule = self.schedules[1].wire
+        at_any_time = rule is not None and rule.restart is not None
         return {
             "answer": "proven" if self.checked else self.summary().removeprefix("both chips: "),
             "proven": self.checked,
             "misfits": list(self.misfits),
-            "second_begins_late_cycles": self.late if self.proven and not restarts else None,
+            "second_begins_late_cycles": self.late if self.proven and not at_any_time else None,
             "chips": [verdict.text for verdict, _, _ in self.chips],
         }
 

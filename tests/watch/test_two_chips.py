@@ -98,6 +98,7 @@ def test_a_reset_of_the_second_chip_alone_begins_both_anew_where_it_restarts_the
     path.write_text(TWO.replace('"RA1"', '"RA1"\nrestart = "RA4"') + ARM.format(elbow="RB0"))
     session = at(load_subject(path, Setting()).showing(1))
     assert session.model()["compared"] and session.subject.first_difference is None
+    assert session.chip is not None
     for level in (0, 1):
         answer(session, do="pin", pin="MCLR", level=level)
         session.chip.seek(session.now + 100)
