@@ -19,6 +19,7 @@ from servogen.pic.listing import Listing
 
 FIRST_BACK_S = 0.1
 """Seconds that are searched backwards first; then twice as many."""
+MAX_MESSAGE = 1000
 SLICE_S = 0.005
 """Seconds of the chip between two moments at which a way back may be left."""
 
@@ -71,6 +72,8 @@ def armed(breakpoint: Breakpoint, given: Mapping[str, Any], listing: Listing | N
         message = f"'{given['hitCondition']}' is not a number of hits"
         raise InputError("bad-breakpoint", message, hint="5, or >= 5")
     printed = str(given["logMessage"]) if given.get("logMessage") else None
+    if printed is not None and len(printed) > MAX_MESSAGE:
+        raise InputError("bad-breakpoint", f"a message has up to {MAX_MESSAGE} characters")
     return Armed(breakpoint, condition, int(hits), printed, listing)
 
 

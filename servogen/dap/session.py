@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import re
+import time
 from bisect import bisect_right
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -34,6 +35,8 @@ SLICE_S = 0.2
 NOTHING_YET = "nothing is debugged yet: the first request is 'launch' or 'attach'"
 MAX_STEPS = 2_000
 """The lines that "step over" and "step out" run through before they stop in the middle."""
+MAX_LOGGED = 200
+"""The lines that an editor is sent in a second."""
 MAX_INSTRUCTIONS = 4 * PROGRAM_WORDS
 """The instructions of one answer, with those before and behind the program that an editor asks for, too."""
 PINS_OF, REGISTERS, VARIABLES, EEPROM = 1, 2, 3, 4
@@ -129,6 +132,8 @@ class DebugSession:
         self._chip: TimeMachine | None = None
         self._runs_at_first: bool | None = None
         """None: as it does already."""
+        self._second, self._logged = time.monotonic(), 0
+        """When a second of printed lines began, and how many lines it has."""
         self._later: list[Message] | None = None
         """While a request is answered: the events that follow the answer."""
         self._armed: dict[str, list[Armed]] = {}
@@ -606,6 +611,7 @@ class DebugSession:
 
     def stopped(self, reason: str, text: str = "") -> None:
         """Tell the editor that the chip stands, and why."""
+        self._tell_left_out()
         self.running = False
         self.stands_at = int(self._chip.now) if self._chip is not None else 0
         body = {"reason": reason, "threadId": THREAD, "allThreadsStopped": True}
@@ -617,7 +623,22 @@ class DebugSession:
         self.event("continued", {"threadId": THREAD, "allThreadsContinued": True})
 
     def log(self, text: str) -> None:
-        """Print a line in the editor."""
+        """Print a line in the editor; of more than it can read in a second, how many were left out."""
+        now = time.monotonic()
+        if now >= self._second + 1:
+            self._tell_left_out()
+            self._second, self._logged = now, 0
+        self._logged += 1
+        if self._logged <= MAX_LOGGED:
+            self._print(text)
+
+    def _tell_left_out(self) -> None:
+        if self._logged > MAX_LOGGED:
+            left_out = self._logged - MAX_LOGGED
+            self._print(f"({left_out} more lines were left out: {MAX_LOGGED} are printed in a second)")
+            self._logged = MAX_LOGGED
+
+    def _print(self, text: str) -> None:
         self.event("output", {"category": "console", "output": text + "\n"})
 
     def event(self, name: str, body: Mapping[str, object] | None = None) -> None:

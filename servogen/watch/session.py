@@ -103,6 +103,8 @@ SLICE_S = 0.03
 """The time that the server calculates between two messages at full speed."""
 LONGEST_TICK_S = 0.1
 """The maximum time that is made up after a pause of the server."""
+PIECE = 2_000
+"""The cycles that are run first between two looks at the clock, with breakpoints."""
 MAX_SPEED = 1000.0
 MIN_SPEED = 1e-5
 MAX_SERIAL_BYTES = 256
@@ -297,7 +299,7 @@ class WatchSession:
         if self._due >= 1:
             before = self.now
             self._advance(int(self._due))
-            self._due -= self.now - before
+            self._due = min(1.0, self._due - (self.now - before))  # what it is behind is not made up
 
     def _run_recording(self, recording: Recording, end: int) -> None:
         """Go on in a recording, up to just after an edge that stops it."""
@@ -316,7 +318,13 @@ class WatchSession:
         armed, log = [Armed(each) for each in self.breakpoints], _unheard
         if self.editor is not None:
             armed, log = armed + self.editor.armed, self.editor.log
-        hit = next_stop(self.chip, self.now + cycles, armed, log, chunks)
+        end, late = self.now + cycles, time.monotonic() + LONGEST_TICK_S
+        # With breakpoints in short pieces: what is tested at each instruction may be slower than this speed.
+        piece = PIECE if armed else cycles
+        hit = next_stop(self.chip, min(end, self.now + piece), armed, log, chunks)
+        while hit is None and self.now < end and time.monotonic() < late:
+            piece = min(2 * piece, max(PIECE, self._period))
+            hit = next_stop(self.chip, min(end, self.now + piece), armed, log, chunks)
         self._take(join(chunks))
         if hit is not None:
             self._stop(hit.text)

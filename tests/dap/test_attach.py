@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from socket import SHUT_RDWR
 from threading import Thread
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -141,6 +142,33 @@ def test_a_way_of_the_page_that_an_editor_ends_is_shown_where_it_ended(tmp_path:
     shown = debugging.handle(asked)
     assert shown is not None and (shown["is"], shown["cycle"]) == ("now", session.now)
     assert debugging.handle(asked) is None, "nothing is another than before"
+
+
+def test_what_breakpoints_print_is_bounded_and_a_page_stays_with_its_clock(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A message in each turn of 4 cycles, at a speed of 1000: the page stops after a tenth of a second."""
+    (tmp_path / "main.asm").write_text(SOURCE)
+    session = WatchSession(load_subject(tmp_path / "main.asm", Setting(), lambda text: None))
+    told: list[dict[str, Any]] = []
+    debugging = Debugging(session, told.append)
+    given: dict[str, Any] = {"source": {"path": "main.asm"}}
+    given["breakpoints"] = [{"line": 6, "logMessage": "turn"}]
+    debugging.handle({"command": "setBreakpoints", "arguments": given})
+    times = iter([0.0, 1.0])
+    monkeypatch.setattr("servogen.watch.session.time", SimpleNamespace(monotonic=lambda: next(times)))
+    monkeypatch.setattr("servogen.dap.session.time", SimpleNamespace(monotonic=lambda: 0.5))
+    list(session.handle({"do": "run", "running": True, "speed": 1000}))
+    list(session.tick(0.1))
+    assert 2_000 <= session.now < 2_010
+    assert debugging.follow(session)
+    debugging.handle({"command": "pause", "arguments": {}})
+    lines = [each["body"]["output"] for each in told if each.get("event") == "output"]
+    assert lines[:-1] == ["turn\n"] * 200
+    assert lines[-1] == "(300 more lines were left out: 200 are printed in a second)\n"
+    given["breakpoints"] = [{"line": 6, "logMessage": "x" * 1001}]
+    debugging.handle({"command": "setBreakpoints", "arguments": given})
+    assert "up to 1000 characters" in json.dumps(told[-1])
 
 
 def test_a_page_whose_server_is_killed_ends_the_session() -> None:
