@@ -238,8 +238,7 @@ def test_the_console_shows_what_comes_back_on_any_pin(watch: Open, tmp_path: Pat
     )
     page.click("#run")
     page.until("/from the chip: 48 69.*Hi/.test(document.getElementById('transcript').textContent)")
-    page.click("#run")
-    page.until("!watched.latest.running")
+    # while it runs: where it stops, the window may cut the byte
     page.until("(watched.waves.data.said[6] || []).some(each => each[2] === '69')")
 
 
