@@ -17,12 +17,15 @@ The middle of a swing of an odd number of frames lies between two frames: times 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
+from servogen.engines.firmware import ResourceError
 from servogen.engines.player.arithmetic import ENTRIES, Whole, blended, weights
 from servogen.engines.player.encoding import Encoded, Legs, Rows, WidthScale, row_table, scale_of, shift_of
 from servogen.engines.player.knees import STEPS, Knees
@@ -68,7 +71,7 @@ class _Spot:
     end: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class WalkEvents:
     """`rows` of all frames, the loop twice; `events` in half frames."""
 
@@ -90,24 +93,39 @@ class WalkEvents:
 
     def lifted(self, event: int) -> int:
         """Return the legs whose swing has its middle at an event, as a bit set."""
-        return sum(1 << swing.leg for swing in self.swings if swing.middle == event)
+        return self._lifted.get(event, 0)
+
+    # The two that every encoding of the walk needs, however close: long walks have thousands of swings.
+
+    @cached_property
+    def _lifted(self) -> Mapping[int, int]:
+        legs: Counter[int] = Counter()
+        for swing in self.swings:
+            legs[swing.middle] += 1 << swing.leg
+        return legs
+
+    @cached_property
+    def laws(self) -> bytes:
+        """Return the tables of the laws by which the legs turn and lift."""
+        return swing_table(*_swing_law(self)) + lift_table() + (spot_table() if self.spots else b"")
 
 
-def legs_encoded(
+def legs_encoder(
     rows: Floats,
     loop_start: int,
     soft: Sequence[int],
     pairs: Sequence[tuple[int, int]],
-    near: float,
     *,
     knees: Knees | None = None,
     limited: bool = True,
-) -> Encoded | None:
-    """Return the walk `rows` (frames, channels) encoded by its events; None if that is impossible.
+) -> Callable[[float], Encoded] | None:
+    """Return a function that encodes the walk `rows` (frames, channels) by its events; None if that is
+    impossible.
 
     `soft` are the frames at which the parts of the soft start end, `pairs` the channels that turn and lift
-    each leg; poses within `near` steps of a row share it. With `knees`, those of bent calibrations, it is as
-    close as it can be. Raises ResourceError if it is `limited` and does not fit the tables.
+    each leg. With `knees`, those of bent calibrations, it is as close as it can be. The function takes
+    `near`: poses within so many steps of a row share it. It raises ResourceError if the walk is `limited` and
+    does not fit the tables.
     """
     if len(pairs) > MAX_LEGS or 2 * len(pairs) != rows.shape[1] or np.isnan(rows[:loop_start]).any():
         return None
@@ -134,13 +152,12 @@ def legs_encoded(
     if not begins:
         return None
     ends = begins[0], begins[0] + 2 * loop
-    encoded = _encoded(walk, *ends, near, limited=limited)
-    if knees is not None:
-        step = 1 << int(encoded.scale.shifts.min())
-        if knees.bends.any() and step not in STEPS:
-            return None
-        encoded = _encoded(walk, *ends, near, knees, _phases(walk, ends, near, step), limited=limited)
-    return replace(encoded, silent=np.arange(len(encoded.frames)) >= encoded.lead) if released else encoded
+
+    def encoded(near: float) -> Encoded:
+        made = _encoded(walk, *ends, near, knees, limited=limited)
+        return replace(made, silent=np.arange(len(made.frames)) >= made.lead) if released else made
+
+    return encoded
 
 
 def walk_events(
@@ -279,8 +296,7 @@ def keyed_walk(walk: WalkEvents, end: int, near: float, phases: Whole | None = N
         row = number(spot.end if spot else ends[1])
         steps.append(ScriptStep(row, _timing(*ends), walk.lifted(ends[1]), spot is not None))
     legs = Legs(walk.turns, walk.lifts, 0, columns, 2 * columns if rises else None)
-    laws = swing_table(*_swing_law(walk)) + lift_table() + (spot_table() if walk.spots else b"")
-    return KeyedWalk(scale, [*fixed, *pose_rows.kept], count, steps, events, legs, laws)
+    return KeyedWalk(scale, [*fixed, *pose_rows.kept], count, steps, events, legs, walk.laws)
 
 
 def _encoded(
@@ -288,13 +304,18 @@ def _encoded(
     begin: int,
     end: int,
     near: float,
-    knees: Knees | None = None,
-    phases: Whole | None = None,
+    knees: Knees | None,
     *,
     limited: bool,
 ) -> Encoded:
     """Return the walk up to the event `end`; its loop begins at the event `begin`."""
-    keyed = keyed_walk(walk, end, near, phases)
+    keyed = keyed_walk(walk, end, near)
+    row_table(keyed.rows, limited=limited)  # the first to be full: a walk that is too long ends here
+    if knees is not None:
+        step = 1 << int(keyed.scale.shifts.min())
+        if knees.bends.any() and step not in STEPS:
+            raise ResourceError("does-not-fit", "the servos' widths are too far apart for knees")
+        keyed = keyed_walk(walk, end, near, _phases(walk, end, near, step))
     first = keyed.events.index(begin) + 1
     steps = [replace(step, row=step.row - keyed.fixed) for step in keyed.steps]
     lead, loop, kept_rows = ordered(steps[:first], steps[first:], keyed.rows[keyed.fixed :], keyed.fixed)
@@ -324,12 +345,14 @@ def _encoded(
     )
 
 
-def _phases(walk: WalkEvents, ends: tuple[int, int], near: float, step: int) -> Whole:
+def _phases(walk: WalkEvents, end: int, near: float, step: int) -> Whole:
     """Return by how many cycles the base of each turn is best lowered, for its bytes to be rounded best."""
+    turns = list(walk.turns)
     spreads = []
     for phase in range(step):
-        made = _encoded(walk, *ends, near, phases=np.full(len(walk.turns), phase), limited=False)
-        spreads.append(np.ptp((made.widths - walk.rows[made.frames])[:, list(walk.turns)], axis=0))
+        keyed = keyed_walk(walk, end, near, phases=np.full(len(turns), phase))
+        values = played_steps(keyed.steps, row_table(keyed.rows, limited=False), keyed.laws, keyed.legs)
+        spreads.append(np.ptp((keyed.scale.widths(values) - walk.rows[: end // 2])[:, turns], axis=0))
     return np.asarray(np.argmin(spreads, axis=0))
 
 
@@ -402,10 +425,8 @@ def played_steps(
 
     The first step only states where the second begins. With `soft`, the first two lead to the stance.
     """
-    columns = len(legs.turns)
-    table = np.frombuffer(rows, dtype=np.uint8).reshape(-1, columns).astype(np.int64)
-    swing, lift, on_spot = laws[:ENTRIES], laws[ENTRIES : 2 * ENTRIES], laws[2 * ENTRIES :]
-    stand, lifted = table[legs.stand // columns], table[legs.lifted // columns]
+    table = np.frombuffer(rows, dtype=np.uint8).reshape(-1, len(legs.turns)).astype(np.int64)
+    known: dict[tuple[int, int, int, int, ScriptStep], Whole] = {}  # most steps are those of a cycle, again
     values = []
     here, landed = steps[0].row, 0
     for index, (before, step) in enumerate(pairwise(steps)):
@@ -413,27 +434,43 @@ def played_steps(
             here, landed = before.row, 0
         if step.spot:
             landed ^= before.lifted
-        time = np.array(step.timing.times(), dtype=np.int64)
-        one, other = table[here], table[step.row]
-        law = on_spot if step.spot else swing
-        parts = np.empty((len(time), 2 * columns), dtype=np.int64)
-        for leg in range(columns):
-            bit = 1 << leg
-            up, down = bool(step.lifted & bit), bool(before.lifted & bit)
-            phase = time if up else 255 - time
-            turn, raised = legs.turns[leg], legs.lifts[leg]
-            back = landed & bit if step.spot else up
-            ends = (other[leg], one[leg]) if back else (one[leg], other[leg])
-            if up or down:
-                parts[:, turn] = blended(*ends, weights(list(law), phase), twice=not step.spot)
-                weight = weights(list(lift), phase)
-            else:
-                parts[:, turn] = blended(*ends, np.zeros_like(time) if step.spot else time)
-                weight = np.zeros_like(time)
-            start, end = stand[leg], lifted[leg]
-            if soft and legs.neutral is not None and index < 2:
-                start, end = table[legs.neutral // columns][leg], stand[leg]
-                weight = time if index else np.zeros_like(time)
-            parts[:, raised] = blended(start, end, weight)
-        values.append(parts)
+        part = index if soft and legs.neutral is not None and index < 2 else 2
+        key = here, before.lifted, landed, part, step
+        if key not in known:
+            known[key] = _played_step(table, laws, legs, *key)
+        values.append(known[key])
     return np.concatenate(values)
+
+
+def _played_step(
+    table: Whole, laws: bytes, legs: Legs, here: int, before: int, landed: int, part: int, step: ScriptStep
+) -> Whole:
+    """Return the values of one step from the row `here`; `before` are the legs that are lifted when it
+    begins, `landed` those that have landed on the spot. Parts 0 and 1 are those of the soft start.
+    """
+    columns = len(legs.turns)
+    swing, lift, on_spot = laws[:ENTRIES], laws[ENTRIES : 2 * ENTRIES], laws[2 * ENTRIES :]
+    time = np.array(step.timing.times(), dtype=np.int64)
+    one, other = table[here], table[step.row]
+    law = on_spot if step.spot else swing
+    values = np.empty((len(time), 2 * columns), dtype=np.int64)
+    for leg in range(columns):
+        bit = 1 << leg
+        up, down = bool(step.lifted & bit), bool(before & bit)
+        phase = time if up else 255 - time
+        turn, raised = legs.turns[leg], legs.lifts[leg]
+        back = landed & bit if step.spot else up
+        ends = (other[leg], one[leg]) if back else (one[leg], other[leg])
+        if up or down:
+            values[:, turn] = blended(*ends, weights(list(law), phase), twice=not step.spot)
+            weight = weights(list(lift), phase)
+        else:
+            values[:, turn] = blended(*ends, np.zeros_like(time) if step.spot else time)
+            weight = np.zeros_like(time)
+        start, end = table[legs.stand // columns][leg], table[legs.lifted // columns][leg]
+        if part < 2:
+            assert legs.neutral is not None
+            start, end = table[legs.neutral // columns][leg], table[legs.stand // columns][leg]
+            weight = time if part else np.zeros_like(time)
+        values[:, raised] = blended(start, end, weight)
+    return values

@@ -6,10 +6,9 @@ Its schedule is what the chip does, cycle by cycle; its plan states the distance
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import partial
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from servogen.engines.player.arithmetic import Whole
 from servogen.engines.player.encoding import Encoded
 from servogen.engines.player.knees import Knees, knees_of
 from servogen.engines.player.layout import SlotLayout, Used, layout
-from servogen.engines.player.legs import legs_encoded
+from servogen.engines.player.legs import legs_encoder
 from servogen.engines.player.poses import poses_encoded
 from servogen.engines.player.script import DirectionPlaces
 from servogen.errors import Diagnostic, InputError
@@ -199,40 +198,32 @@ def encoded_motion(
     With the `knees` of bent calibrations only by its legs. Raises ResourceError if the tables are `limited`
     and cannot hold it.
     """
+    by_legs = legs_encoder(rows, loop_start, soft, pairs, knees=knees, limited=limited) if pairs else None
+    if by_legs is None and knees is not None:
+        raise ResourceError("does-not-fit", "the motion is no walk whose servos can have knees")
     limit = max_error_us / float(clock.cycle_us)
-    encoders: list[Callable[[float, float], Encoded | None]] = []
-    if pairs:
-        by_legs = partial(legs_encoded, knees=knees, limited=limited)
-        encoders.append(lambda far, near: by_legs(rows, loop_start, soft, pairs, near))
     marks = (*soft, loop_start)
-    if knees is None:
-        encoders.append(
-            lambda far, near: poses_encoded(
-                rows, marks, loop_start, far * limit, near, limited=limited, halves=halves
-            )
-        )
-    tolerances = sorted((*USUAL, *MORE)) if halves else USUAL
     refused: ResourceError | None = None
     smallest: Encoded | None = None
-    for encoder in encoders:
-        # From the closest encoding to the coarsest: the first that fits is the best.
-        for far, near in tolerances:
-            try:
-                encoded = encoder(far, near)
-            except ResourceError as error:
-                refused = error
-                continue
-            if encoded is None:
-                break
-            if encoded.size <= max_bytes:
-                return encoded
-            if smallest is None or encoded.size < smallest.size:
-                smallest = encoded
-        else:
-            break
-    if smallest is not None:
-        return smallest
-    raise refused or ResourceError("does-not-fit", "the motion is no walk whose servos can have knees")
+    # From the closest encoding to the coarsest: the first that fits is the best.
+    for far, near in sorted((*USUAL, *MORE)) if halves else USUAL:
+        try:
+            encoded = (
+                by_legs(near)
+                if by_legs
+                else poses_encoded(rows, marks, loop_start, far * limit, near, limited=limited, halves=halves)
+            )
+        except ResourceError as error:
+            refused = error
+            continue
+        if encoded.size <= max_bytes:
+            return encoded
+        if smallest is None or encoded.size < smallest.size:
+            smallest = encoded
+    if smallest is None:
+        assert refused is not None
+        raise refused
+    return smallest
 
 
 def ideal_widths(trajectory: JointTrajectory, servos: Sequence[Servo], clock: Clock) -> Floats:

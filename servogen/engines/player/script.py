@@ -232,10 +232,11 @@ def folded(entries: Sequence[RowEntry]) -> list[tuple[list[RowEntry], int]]:
     best = (0, 0, 0, 0)
     known: dict[RowEntry, int] = {}
     numbers = [known.setdefault(entry, len(known)) for entry in entries]  # cheaper to compare than entries
+    begins = [not entry.goes_on for entry in entries]
     for length in range(1, min(len(entries) // 2, MAX_BODY) + 1):
         start = 0
         while start + 2 * length <= len(entries):
-            if entries[start].goes_on:
+            if numbers[start] != numbers[start + length] or not begins[start]:
                 start += 1
                 continue
             times = 1

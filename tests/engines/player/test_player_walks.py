@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,10 +11,10 @@ import pytest
 from servogen.engines.firmware import ResourceError
 from servogen.engines.player import poses
 from servogen.engines.player.arithmetic import ENTRIES
-from servogen.engines.player.legs import (
-    legs_encoded,
-)
+from servogen.engines.player.encoding import Encoded
+from servogen.engines.player.legs import legs_encoder
 from servogen.motion.gait.footwork import bump, swing_share
+from servogen.motion.trajectory import Floats
 
 
 def rows(*frames: Any) -> Any:
@@ -35,25 +36,37 @@ def walk_rows(*lifted: tuple[int, int, int], frames: int, legs: int) -> Any:
 PAIRS = [(0, 1), (2, 3)]
 
 
+def encoded(
+    rows: Floats,
+    loop_start: int,
+    soft: Sequence[int] = (),
+    pairs: Sequence[tuple[int, int]] = PAIRS,
+    *,
+    limited: bool = True,
+) -> Encoded | None:
+    encoder = legs_encoder(rows, loop_start, soft, pairs, limited=limited)
+    return encoder(0.3) if encoder else None
+
+
 def test_what_is_not_a_walk_is_not_encoded_as_one() -> None:
     table = walk_rows((0, 4, 6), (1, 8, 10), frames=16, legs=2)
-    assert legs_encoded(table, 0, (), PAIRS, 0.3) is not None
-    assert legs_encoded(table, 0, (), PAIRS[:1], 0.3) is None, "a channel that is no leg's"
+    assert encoded(table, 0) is not None
+    assert encoded(table, 0, (), PAIRS[:1]) is None, "a channel that is no leg's"
     long = walk_rows((0, 270, 272), (1, 280, 282), frames=300, legs=2)
     # Parts of a soft start have at most 256 frames.
-    assert legs_encoded(long, 290, (1, 257), PAIRS, 0.3, limited=False) is not None
-    assert legs_encoded(long, 290, (1, 258), PAIRS, 0.3, limited=False) is None
+    assert encoded(long, 290, (1, 257), limited=False) is not None
+    assert encoded(long, 290, (1, 258), limited=False) is None
     silent = table.copy()
     silent[3] = np.nan
-    assert legs_encoded(silent, 8, (), PAIRS, 0.3) is None and legs_encoded(silent, 0, (), PAIRS, 0.3) is None
+    assert encoded(silent, 8) is None and encoded(silent, 0) is None
     seven = np.full((16, 14), 1500.0)
-    assert legs_encoded(seven, 0, (), [(2 * n, 2 * n + 1) for n in range(7)], 0.3) is None
+    assert encoded(seven, 0, (), [(2 * n, 2 * n + 1) for n in range(7)]) is None
     # A walk after which the pulses end: its last pose is kept, without pulses.
     released = np.vstack((walk_rows((0, 4, 6), (1, 8, 10), frames=16, legs=2), np.full((2, 4), np.nan)))
-    made = legs_encoded(released, 16, (), PAIRS, 0.3)
+    made = encoded(released, 16)
     assert made is not None
     assert made.silent.tolist() == [frame >= made.lead for frame in range(len(made.frames))]
-    assert made.lead == 16 and not legs_encoded(table, 0, (), PAIRS, 0.3).silent.any()  # type: ignore[union-attr]
+    assert made.lead == 16 and not encoded(table, 0).silent.any()  # type: ignore[union-attr]
 
 
 def steady(frames: int) -> Any:
@@ -71,7 +84,7 @@ def steady(frames: int) -> Any:
 def test_a_walk_by_the_laws_is_encoded_to_within_a_cycle_and_a_half(begin: int) -> None:
     """Half a cycle is rounding at each end, the rest that of the law's table and of the blending."""
     table = steady(begin + 24)
-    made = legs_encoded(table, begin, (), PAIRS, 0.3)
+    made = encoded(table, begin)
     assert made is not None and not made.silent.any()
     wanted = steady(len(made.frames))
     assert np.abs(made.widths - wanted).max() <= 1.5
