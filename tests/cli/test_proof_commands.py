@@ -197,7 +197,9 @@ def test_check_certificate_says_what_was_checked(
     claim = SimpleNamespace(held=held, count=5)
     stand_in(monkeypatch, checker, "read_certificate", lambda data, name: claim)
     allowed: list[Any] = []
-    stand_in(monkeypatch, checker, "check_certificate", lambda *given: allowed.append(given[-1]) or counts)
+    stand_in(
+        monkeypatch, checker, "check_certificate", lambda *given, tape: allowed.append(given[-1]) or counts
+    )
     for name in ("c.xz", "s.json"):
         (tmp_path / name).write_text("x")
     (tmp_path / "a.hex").write_text(":00000001FF\n")
@@ -226,7 +228,7 @@ def test_check_certificate_says_what_was_checked(
         "restrictions": list(held_texts),
     }
 
-    def refuse(*_: Any) -> None:
+    def refuse(*_: Any, tape: bytes) -> None:
         raise checker.Refused("state 3")
 
     stand_in(monkeypatch, checker, "check_certificate", refuse)
@@ -238,7 +240,7 @@ def test_check_certificate_says_what_was_checked(
         {"diagnostics": [], "valid": False, "covered": True, "reason": "state 3", "held": held},
     )
 
-    def leave(*_: Any) -> None:
+    def leave(*_: Any, tape: bytes) -> None:
         raise checker.NotCovered("SLEEP", "at address 3")
 
     stand_in(monkeypatch, checker, "check_certificate", leave)
