@@ -66,7 +66,7 @@ def follow(seed: int, but: int = 0, forget: int = 0) -> Followed:
     options = SimulatorOptions(start_seed=seed, floating=True, ra4_pull_up=False, eeprom_write_us=WRITE_US)
     runs = [Machine(image, lockstep.CLOCK, options, lockstep.noise(random.Random(seed), CYCLES))
             for _ in range(2)]  # fmt: skip
-    expected, held = lockstep.outputs(image, runs[0], CYCLES), lockstep.memory(image)
+    expected, held = lockstep.outputs(runs[0], CYCLES), lockstep.memory(image)
     machine, states, asked = runs[1], [lockstep.power_up()], Counter[str]()
     while machine.cycles < CYCLES:
         before = machine.state()

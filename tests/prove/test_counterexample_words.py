@@ -6,6 +6,7 @@ import hashlib
 import itertools
 import json
 import lzma
+from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -235,7 +236,7 @@ class Machines:
         self.trial, self.levels = trial, levels
         return self
 
-    def changes(self, machine: Any, begun: int, end: int) -> list[tuple[int, int, int]]:
+    def changes(self, machine: Any, begun: int, end: int, _: int | None = None) -> list[tuple[int, int, int]]:
         self.asked.append((self.trial, self.levels, begun, end))
         return self.right if self.right is not None and self.trial.reset is None else self.edges
 
@@ -469,7 +470,7 @@ def test_a_certificate_lists_the_states_at_cuts_in_frames_and_after_them() -> No
     """Neither a start, nor what comes before the first pulse, nor what stands still; each place once."""
     beside = {number: {"PC": 0x400 | number, "W": number} for number in range(6)}
     beside[4]["T0_AT"] = BASE + 1
-    transitions: Any = SimpleNamespace(rest=lambda number: fields_of(**beside[number]))
+    transitions = beside_ram(lambda number: fields_of(**beside[number]))
     cells = tuple(range(68))
 
     def listed(number: int, parent: int, spec: SpecState) -> Node:
@@ -629,8 +630,13 @@ def fields_of(**fields: int) -> tuple[int, ...]:
     return tuple(beside)
 
 
+def beside_ram(rest: Callable[[int], tuple[int, ...]]) -> Any:
+    """Transitions of a chip without a tape."""
+    return SimpleNamespace(rest=rest, chip=SimpleNamespace(tape=None))
+
+
 def row_of(**fields: int) -> dict[str, int]:
-    transitions: Any = SimpleNamespace(rest=lambda number: fields_of(**fields))
+    transitions = beside_ram(lambda number: fields_of(**fields))
     return _row(transitions, 0)
 
 
@@ -669,7 +675,7 @@ def test_the_prescaler_is_its_count_below_its_ratio() -> None:
 
 def test_states_within_an_interrupt_or_while_the_timer_stands_are_not_listed() -> None:
     def settled(**fields: int) -> bool:
-        transitions: Any = SimpleNamespace(rest=lambda number: fields_of(**fields))
+        transitions = beside_ram(lambda number: fields_of(**fields))
         return _is_settled(transitions, 0)
 
     assert settled() and settled(T0_AT=BASE - 9)
