@@ -154,6 +154,8 @@ class WatchSession:
         self.outside = [UNDRIVEN] * (MCLR_PIN + 1)
         """The level at which the user holds each pin."""
         self._due = 0.0
+        self._behind = False
+        """Whether breakpoints have made it slower than its speed since the whole chip was shown."""
         self._since_full = 0.0
         self._since_waves = 0.0
         self.stopped = ""
@@ -299,7 +301,10 @@ class WatchSession:
         if self._due >= 1:
             before = self.now
             self._advance(int(self._due))
-            self._due = min(1.0, self._due - (self.now - before))  # what it is behind is not made up
+            if self.running:
+                left = self._due - (self.now - before)
+                self._behind |= left >= 1
+                self._due = min(1.0, left)  # what it is behind is not made up
 
     def _run_recording(self, recording: Recording, end: int) -> None:
         """Go on in a recording, up to just after an edge that stops it."""
@@ -445,12 +450,14 @@ class WatchSession:
             self._since_full = 0.0
             message |= {
                 "speed": self.speed,
+                "behind": self._behind and self.running,
                 "stopped": self.stopped,
                 "breakpoints": [breakpoint.text for breakpoint in self.breakpoints],
             }
             if self.chip is not None:
                 message["inputs"] = len(self.chip.inputs)
                 message["chip"] = self._chip(self.chip)
+            self._behind = False
         return message
 
     def _levels(self) -> str:

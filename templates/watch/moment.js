@@ -76,6 +76,7 @@ export class Moment {
       byId("run").setAttribute("aria-pressed", message.running);
       const speed = SPEEDS.findIndex(([each]) => each === message.speed);
       if (document.activeElement !== byId("speed")) byId("speed").value = speed;
+      byId("behind").hidden = !message.behind;
       if (message.stopped) this.say(`stopped at ${message.stopped}`);
       else if (message.running) this.say("");
     }

@@ -158,9 +158,10 @@ def test_what_breakpoints_print_is_bounded_and_a_page_stays_with_its_clock(
     times = iter([0.0, 1.0])
     monkeypatch.setattr("servogen.watch.session.time", SimpleNamespace(monotonic=lambda: next(times)))
     monkeypatch.setattr("servogen.dap.session.time", SimpleNamespace(monotonic=lambda: 0.5))
-    list(session.handle({"do": "run", "running": True, "speed": 1000}))
+    (begun,) = session.handle({"do": "run", "running": True, "speed": 1000})
     list(session.tick(0.1))
     assert 2_000 <= session.now < 2_010
+    assert (begun["behind"], session.shown()["behind"]) == (False, True), "the page says that it is slower"
     assert debugging.follow(session)
     debugging.handle({"command": "pause", "arguments": {}})
     lines = [each["body"]["output"] for each in told if each.get("event") == "output"]
