@@ -51,6 +51,8 @@ MAX_ROOMS = 8
 CLOSING_S = 1.0
 MAX_REQUEST_BYTES = 2 << 20
 """The maximum size of a request, which may contain the whole text of a job."""
+MAX_WAITING = 2 << 20
+"""The characters for an editor that may wait until it reads them."""
 
 FILES: Mapping[str, str] = MappingProxyType(
     {
@@ -286,11 +288,20 @@ class Room:
         return take
 
     async def debug(self, socket: ServerConnection) -> None:
-        """Serve an editor, until it or the program ends."""
+        """Serve an editor until it or the program ends; one that does not read is disconnected."""
         loop = asyncio.get_running_loop()
+        waiting = 0
+
+        async def sent(text: str) -> None:
+            nonlocal waiting
+            if waiting > MAX_WAITING:
+                socket.transport.abort()  # a close would wait, too
+            waiting += len(text)
+            await _sent(socket, text)
+            waiting -= len(text)
 
         def send(message: Message) -> None:
-            loop.call_soon_threadsafe(self._begin, _sent(socket, json.dumps(message)))
+            loop.call_soon_threadsafe(self._begin, sent(json.dumps(message)))
 
         take = self.attach(send)
         try:

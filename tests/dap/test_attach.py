@@ -7,7 +7,7 @@ import queue
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from socket import SHUT_RDWR
-from threading import Thread
+from threading import Event, Thread
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,9 +15,11 @@ import pytest
 
 pytest.importorskip("websockets", reason="the server is of the extra watch")
 
-from websockets.sync.client import ClientConnection
+from websockets.sync.client import ClientConnection, connect
 from websockets.sync.server import ServerConnection, serve
+from websockets.typing import Origin
 
+from servogen.cli.page_server import serving
 from servogen.dap import DebugSession
 from servogen.dap.running_page import RunningPage
 from servogen.watch.debugging import Debugging
@@ -170,6 +172,26 @@ def test_what_breakpoints_print_is_bounded_and_a_page_stays_with_its_clock(
     given["breakpoints"] = [{"line": 6, "logMessage": "x" * 1001}]
     debugging.handle({"command": "setBreakpoints", "arguments": given})
     assert "up to 1000 characters" in json.dumps(told[-1])
+
+
+def test_an_editor_that_reads_nothing_is_disconnected_and_its_session_ends() -> None:
+    sends: queue.Queue[Callable[[dict[str, Any]], None]] = queue.Queue()
+    gone = Event()
+
+    def attach(send: Callable[[dict[str, Any]], None]) -> Callable[[object], None]:
+        sends.put(send)
+        return lambda request: gone.set() if request is None else None
+
+    with serving(attach) as url:
+        place = url.removeprefix("http://")
+        origin = Origin(f"http://{place.partition('/')[0]}")
+        with connect(f"ws://{place}dap", origin=origin, close_timeout=0.1):
+            send = sends.get(timeout=30)
+            for _ in range(300):
+                send({"text": "x" * 200_000})
+                if gone.wait(0.001):
+                    break
+            assert gone.wait(1), "60 MB wait for it"
 
 
 def test_a_page_whose_server_is_killed_ends_the_session() -> None:
