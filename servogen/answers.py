@@ -463,7 +463,10 @@ class PlanFactsAnswer(TypedDict):
     servos: Annotated[list[ServoFactsAnswer], "Each servo."]
     error_of: Annotated[str, 'Whether errors are those of "rounding" or of the "engine".']
     ends: Annotated[list[EndAnswer], "Each foot, tool or base."]
-    rigid_legs_end: Annotated[WayAnswer | None, "Where rigid legs take a walking body."]
+    rigid_legs_end: Annotated[
+        WayAnswer | None,
+        "Where rigid legs take a walking body in each loop, or in the whole of a motion that ends.",
+    ]
 
 
 class PlanAnswer(PlanFactsAnswer):

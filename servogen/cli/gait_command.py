@@ -19,7 +19,7 @@ from servogen.kinematics.catalogue import robot
 from servogen.kinematics.protocol import Posture, WalkingRobot
 from servogen.motion.gait.phases import Gait, custom
 from servogen.motion.gait.phases import gait as named
-from servogen.motion.gait.steps import Segment
+from servogen.motion.gait.steps import SAME_M, Segment
 from servogen.motion.gait.walk import Walk, walk
 from servogen.motion.limits import JointLimits
 from servogen.motion.loads import check_loads, loads_of
@@ -354,9 +354,9 @@ def _walk_lines(planned_walk: Walk, facts: GaitFacts) -> Iterator[str]:
         feet, frame = ", ".join(facts.margin_feet), facts.margin_frame
         minimum = f"at least {1000 * facts.margin:z.2f} mm (frame {frame}, on {feet})"
         yield f"stability margin: {minimum if feet else f'none, no foot is on the ground in frame {frame}'}"
-    if facts.correction > 0:
+    if facts.correction > SAME_M:
         where = f"{facts.correction_leg}, frame {facts.correction_frame}"
-        yield f"springs: they give up to {1000 * facts.correction:z.2f} mm ({where})"
+        yield f"springs, or feet, yield by up to {1000 * facts.correction:z.2f} mm ({where})"
     yield from (text for _, text in planned_walk.centre_texts())
     yield from (held.text() for held in planned_walk.held_back)
     yield planned_walk.slip.text()

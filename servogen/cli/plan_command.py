@@ -117,7 +117,8 @@ def _show_plan(facts: PlanFacts, horns: tuple[Horn, ...]) -> None:
     if facts.rigid_legs_end is not None:
         x, y, yaw = facts.rigid_legs_end
         moved = f"{1000 * x:z.1f} mm forward, {1000 * y:z.1f} mm to the left"
-        print_lines([f"rigid legs take the body {moved} and turn it by {degrees(yaw):z.1f}°"])
+        each = " in each loop" if schedule.loop_frames > 1 else ""
+        print_lines([f"rigid legs take the body {moved} and turn it by {degrees(yaw):z.1f}°{each}"])
     if facts.worst is not None:
         worst = facts.worst
         print(

@@ -12,14 +12,14 @@ from functools import partial
 
 import numpy as np
 
-from servogen.errors import Diagnostic, InputError, did_you_mean
+from servogen.errors import Diagnostic, InputError, Location, did_you_mean
 from servogen.job.job import Job
 from servogen.job.schema import CommandsTable, SegmentTable, WalkTable
 from servogen.kinematics.protocol import Posture, WalkingRobot, mounts_of
 from servogen.motion import JointTrajectory, Part, PlannedPoses, bound
 from servogen.motion.gait.commands import STRAIGHT, TURN, CommandedDirection, commanded_direction
 from servogen.motion.gait.phases import Gait, custom, gait
-from servogen.motion.gait.steps import Segment
+from servogen.motion.gait.steps import SAME_M, Segment
 from servogen.motion.gait.walk import Walk, walk
 from servogen.motion.limits import JointLimits
 from servogen.motion.loads import check_torque, loads_of
@@ -351,12 +351,7 @@ def _notes(job: Job, planned: Walk) -> list[Diagnostic]:
         ),
         *(Diagnostic("note", "phase", change.text(), place) for change in planned.changes),
         *_turns(document, planned),
-        Diagnostic(
-            "note",
-            "spring",
-            f"the legs' springs yield up to {1000 * planned.largest_correction_m:z.2f} mm",
-            place,
-        ),
+        *_yielding(planned, place),
         Diagnostic("note", "slip", planned.slip.text(), place),
         *_lost_motion_notes(document, planned, job.servos),
         Diagnostic("note", "lift", f"the feet rise {1000 * planned.lift_m:z.1f} mm", place),
@@ -367,6 +362,15 @@ def _notes(job: Job, planned: Walk) -> list[Diagnostic]:
             text = f"the robot falls: {-1000 * planned.minimum_margin_m:z.1f} mm outside its feet at worst"
         notes.append(Diagnostic("note", "stability", text, place))
     return notes
+
+
+def _yielding(planned: Walk, place: Location) -> Iterator[Diagnostic]:
+    """Yield how far a stance is from the circles on which feet of two joints move; none with three."""
+    if planned.largest_correction_m > SAME_M:
+        text = (
+            f"the legs' springs, or their feet, yield by up to {1000 * planned.largest_correction_m:z.2f} mm"
+        )
+        yield Diagnostic("note", "spring", text, place)
 
 
 def _held_by(document: Document, planned: Walk, bindings: Sequence[Binding]) -> str:

@@ -160,7 +160,9 @@ class PlanFacts:
     tracks: tuple[Track, ...]
     ends: tuple[EndError, ...]
     rigid_legs_end: tuple[float, float, float] | None = None
-    """Where rigid legs take a walking body in all planned frames: x, y, yaw; None: it does not walk."""
+    """Where rigid legs take a walking body in each loop, or in the whole of a motion that ends: x, y, yaw;
+    None: it does not walk.
+    """
     engine: bool = False
     """Whether `plan` is the job's engine's, which may be farther from the motion than whole cycles."""
 
@@ -228,9 +230,13 @@ def plan_facts(job: PlannedJob, plan: PulsePlan, engine: bool = False) -> PlanFa
 
 
 def rigid_legs_end(job: PlannedJob) -> tuple[float, float, float] | None:
-    """Return where rigid legs take the body of a walk (`motion.gait.quasistatic`); None for other jobs."""
+    """Return where rigid legs take the body of a walk (`motion.gait.quasistatic`) in each loop, or in the
+    whole of a motion that ends; None for other jobs.
+    """
     ends = job.ends
-    angles = job.trajectory.angles
+    angles, loop = job.trajectory.angles, job.trajectory.angles[job.trajectory.loop_start :]
+    if len(loop) > 1:
+        angles = np.concatenate((loop, loop[:1]))
     if not isinstance(job.robot, WalkingRobot) or len(ends) < MIN_LEGS or np.isnan(angles).any():
         return None
     x, y, yaw = rigid_body_path(*standing_feet(job, angles)).pose[-1].tolist()

@@ -170,7 +170,7 @@ def test_the_tables_of_a_gait_are_its_phases_and_its_joints(run: Run) -> None:
     assert float(margin[1]) == pytest.approx(1000 * found["stability"]["minimum_m"], abs=0.006)
     assert int(margin[2]) == found["stability"]["frame"]
     assert margin[3].split(", ") == found["stability"]["feet"]
-    spring = re.search(r"springs: they give up to ([\d.]+) mm", out)
+    spring = re.search(r"springs, or feet, yield by up to ([\d.]+) mm", out)
     assert spring is not None
     assert float(spring[1]) == pytest.approx(1000 * found["spring"]["largest_m"], abs=0.006)
     assert "feet rise 20.0 mm, body 140.0 mm above the ground, 80.0 mm free" in out  # legs of 60 + 80 mm

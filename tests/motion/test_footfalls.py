@@ -191,8 +191,8 @@ def test_slip_is_what_the_springs_take_up_along_a_stance() -> None:
     line = np.linspace(10, -10, 25) + 49.5j
     spring = line - 50 * line / np.abs(line)
     assert 1000 * made.slip.metres == pytest.approx(np.abs(np.diff(spring)).sum(), rel=0.01)
-    assert "without its spring a foot would slip up to" in made.slip.text()
-    assert walked(Segment()).slip.text() == "no foot would slip without its spring"
+    assert "with rigid legs a foot would slip up to" in made.slip.text()
+    assert walked(Segment()).slip.text() == "with rigid legs no foot would slip"
 
 
 @pytest.mark.parametrize(("height", "way"), [(None, 10.909), (0.139, 4.454), (0.130, 1.460), (0.110, 0.565)])
@@ -212,7 +212,7 @@ def test_plan_shows_centre_slip_and_correction_and_warns_of_the_full_height(tmp_
         planned = plan_job(load(file))
         notes[height] = [note.message for note in planned.notes], [each.code for each in planned.warnings]
     assert "segment 2: the body turns about (0.0, 0.0) mm in its own frame" in notes[130][0]
-    assert "the legs' springs yield up to 1.05 mm" in notes[130][0]
+    assert "the legs' springs, or their feet, yield by up to 1.05 mm" in notes[130][0]
     assert any("slip up to" in note for note in notes[130][0])
     assert "full-height" not in notes[130][1]
     assert "full-height" in notes[140][1]

@@ -335,9 +335,9 @@ def shown(**values: object) -> Walk:
 
 
 def test_a_walk_in_words() -> None:
-    assert Slip(0.9e-9, "L1", 3).text() == "no foot would slip without its spring"
+    assert Slip(0.9e-9, "L1", 3).text() == "with rigid legs no foot would slip"
     assert Slip(0.00125, "L1", 3).text() == (
-        "without its spring a foot would slip up to 1.25 mm in a stance (L1, until frame 3)"
+        "with rigid legs a foot would slip up to 1.25 mm in a stance (L1, until frame 3)"
     )
     assert (
         HeldBack(0, "R2", math.radians(12.34))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from servogen.errors import InputError
 from servogen.job import load, loads, plan_job
+from servogen.job.starter import template
 from servogen.pulse.plan import plan
 from servogen.report.plan_facts import PlanFacts, plan_facts, rigid_legs_end
 from servogen.workflows.engines import nearest_pulses, planned
@@ -72,3 +74,11 @@ def test_a_walk_says_where_rigid_legs_take_the_body() -> None:
         x, y, yaw = rigid_legs_end(plan_job(loads(higher, "tripod.toml"))) or (0.0, 0.0, 0.0)
         assert least < x < most and abs(y) < 0.001 and abs(yaw) < 0.01
     assert rigid_legs_end(plan_job(load(JOBS / "scara-pick.toml"))) is None
+
+
+def test_an_endless_walk_goes_its_stride_in_each_loop_without_its_first_steps_and_lean() -> None:
+    text = template("quadruped-coxa-femur-tibia")
+    stride = re.search(r"forward_mm = (\d+)", text)
+    x, y, yaw = rigid_legs_end(plan_job(loads(text, "crawl.toml"))) or (0.0, 0.0, 0.0)
+    assert stride and 1000 * x == pytest.approx(int(stride[1]), rel=0.02)
+    assert abs(y) < 1e-4 and abs(yaw) < 1e-3

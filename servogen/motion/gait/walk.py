@@ -64,7 +64,7 @@ SAME_DIGITS = 9
 
 @dataclass(frozen=True, slots=True)
 class Slip:
-    """The distance by which a foot without a spring is dragged in a stance; its leg, the stance's last
+    """The distance by which the foot of a rigid leg is dragged in a stance; its leg, the stance's last
     frame.
     """
 
@@ -75,9 +75,9 @@ class Slip:
     def text(self) -> str:
         """Return the slip in words."""
         if self.metres < SAME_M:
-            return "no foot would slip without its spring"
+            return "with rigid legs no foot would slip"
         return (
-            f"without its spring a foot would slip up to {1000 * self.metres:z.2f} mm in a stance "
+            f"with rigid legs a foot would slip up to {1000 * self.metres:z.2f} mm in a stance "
             f"({self.leg}, until frame {self.frame})"
         )
 
