@@ -10,6 +10,7 @@ sockets; every message is a value that JSON can hold.
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -323,9 +324,9 @@ class WatchSession:
         armed, log = [Armed(each) for each in self.breakpoints], _unheard
         if self.editor is not None:
             armed, log = armed + self.editor.armed, self.editor.log
-        end, late = self.now + cycles, time.monotonic() + LONGEST_TICK_S
+        end = self.now + cycles
         # With breakpoints in short pieces: what is tested at each instruction may be slower than this speed.
-        piece = PIECE if armed else cycles
+        piece, late = (PIECE, time.monotonic() + LONGEST_TICK_S) if armed else (cycles, math.inf)
         hit = next_stop(self.chip, min(end, self.now + piece), armed, log, chunks)
         while hit is None and self.now < end and time.monotonic() < late:
             piece = min(2 * piece, max(PIECE, self._period))
