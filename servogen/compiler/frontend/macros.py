@@ -179,9 +179,9 @@ def _hidden(token: Any) -> frozenset[str]:
 
 def copied(token: Any) -> Any:
     """Return a copy of a token, as copy.copy does, which takes four times as long: it asks how, each time."""
-    made = object.__new__(type(token))
-    made.__dict__.update(token.__dict__)
-    return made
+    duplicate = object.__new__(type(token))
+    duplicate.__dict__.update(token.__dict__)
+    return duplicate
 
 
 def _copies(tokens: Tokens) -> Tokens:
