@@ -12,12 +12,14 @@ pytest.importorskip("websockets", reason="the server is of the extra watch")
 
 from servogen.bench.inputs.wiring import input_wiring
 from servogen.bench.virtual.board import VirtualBoard
-from servogen.bench.virtual.chip import VirtualChip
+from servogen.bench.virtual.chip import SecondChip, VirtualChip
 from servogen.bench.virtual.debugger import VirtualDebugger
 from servogen.bench.virtual.terminals import terminals
 from servogen.cli.page_server import serving
-from servogen.edges import PINS
+from servogen.edges import OTHER_PINS, PINS
+from servogen.pic.image import Image
 from servogen.programs import read_program
+from servogen.simulator import FirstChip, Machine, PairedMachine, SimulatorOptions, Stimulus
 from servogen.units import Clock
 from tests.bench.conftest import served
 from tests.dap.test_attach import Editor
@@ -44,17 +46,18 @@ loop movf turns, w
 """
 """RA0 toggles every 6 cycles, in cycles 5, 11, 17, …, with bit 0 of `turns`."""
 OF_MOVWF, PERIOD = 5, 6
+CLOCK = Clock(4_000_000)
 
 
 class Bench:
     """A chip with a debugger, and what its pins did: (cycle of the bench, level of RA0)."""
 
-    def __init__(self, folder: Path, stack: ExitStack) -> None:
+    def __init__(self, folder: Path, stack: ExitStack, second: SecondChip | None = None) -> None:
         path = folder / "main.asm"
         path.write_text(SOURCE)
         program = read_program(path)
         self.debugger = VirtualDebugger(path, program)
-        self.chip = VirtualChip(program.image, Clock(4_000_000), debugger=self.debugger)
+        self.chip = VirtualChip(program.image, CLOCK, debugger=self.debugger, second=second)
         self.seen: list[tuple[int, int]] = []
         self.chip.listeners.append(
             lambda levels, _: self.seen.extend(
@@ -141,3 +144,37 @@ def test_a_chip_that_is_programmed_ends_the_session_and_one_editor_at_a_time_is_
     assert "attach again" in editor.event("output")["output"]
     editor.event("terminated")
     assert Editor(bench.url).attached["success"]
+
+
+def test_of_two_chips_the_first_is_debugged_which_the_editor_is_told_and_the_edges_of_both_are_seen(
+    tmp_path: Path,
+) -> None:
+    """The second one has the same program, a cycle later. Connected pins are followed edge by edge."""
+
+    def beside(first: Image, second: Image, stimulus: Stimulus | None) -> PairedMachine:
+        other = Machine(second, CLOCK)
+        leading = FirstChip(lambda: Machine(first, CLOCK), RB7, RB7)
+        return PairedMachine(first, CLOCK, SimulatorOptions(), stimulus, other, (RB7, RB7), leading)
+
+    (tmp_path / "second.asm").write_text(SOURCE.replace("loop movf", " nop\nloop movf"))
+    second = SecondChip(read_program(tmp_path / "second.asm").image, beside)
+    with ExitStack() as stack:
+        bench = Bench(tmp_path, stack, second)
+        seen: dict[int, int] = {}
+        bench.chip.listeners.append(lambda levels, _: seen.update(zip(*map(list, levels), strict=True)))
+        bench.chip.connect(frozenset({RB7 - 1, RB7 - 2}), closed=True)
+        editor = Editor(bench.url)
+        assert "of the two chips the first is debugged" in editor.event("output")["output"]
+        editor.ask("setFunctionBreakpoints", breakpoints=[{"name": "turns == 5"}])
+        editor.ask("configurationDone")
+        editor.ask("continue", threadId=1)
+        while editor.event("stopped")["text"] != "turns == 5":
+            pass
+        machine = bench.chip.machine
+        assert isinstance(machine, PairedMachine)
+        assert editor.cycle == machine.cycles == machine.other.cycles == OF_MOVWF + 4 * PERIOD + 2
+    for number in (2, 3, 4):
+        edge = OF_MOVWF + (number - 1) * PERIOD
+        levels = [[seen[edge + late] >> pin & 1 for pin in (RA0, OTHER_PINS + RA0)] for late in (0, 1)]
+        turned = (number - 1) % 2
+        assert levels == [[turned, 1 - turned], [turned, turned]]

@@ -17,7 +17,7 @@ from servogen.dap.breakpoints import Armed, next_stop
 from servogen.dap.protocol import Message
 from servogen.debug.breakpoints import AtEdge
 from servogen.debug.time_machine import TimeMachine
-from servogen.edges import PINS, EdgeChunk, join
+from servogen.edges import PAIR_PINS, EdgeChunk, join
 from servogen.errors import InputError
 from servogen.programs import Program
 from servogen.simulator import LevelChange
@@ -27,7 +27,7 @@ SLICE_S = 0.01
 WAIT_S = 0.01
 """The time in which a request is waited for while the chip stands; the other devices wait, too."""
 
-ANY_EDGE = tuple(Armed(AtEdge("", pin, None)) for pin in range(len(PINS)))
+ANY_EDGE = tuple(Armed(AtEdge("", pin, None)) for pin in range(PAIR_PINS))
 
 
 class VirtualDebugger:
@@ -110,9 +110,12 @@ class VirtualDebugger:
         except queue.Empty:
             return
         if request is not None:
-            if self._session is None and request.get("command") == "attach":
+            attaches = self._session is None and request.get("command") == "attach"
+            if attaches:
                 self._debug(asking)
             self._chip.led(lambda: asking.handle(request), in_the_past=asking.goes_back)
+            if attaches and self._chip.second is not None:
+                asking.log("of the two chips the first is debugged; the second stands and goes back with it")
         if asking is self._session and (request is None or asking.ended):
             self._chip.led(asking.stay, in_the_past=True)
             self._session = None
