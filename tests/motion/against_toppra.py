@@ -1,4 +1,4 @@
-"""The fastest way along lines of four arms against TOPP-RA, with limits of speed, acceleration and torque.
+"""The fastest way along lines of six arms against TOPP-RA, with limits of speed, acceleration and torque.
 
     pip install toppra; python -m tests.motion.against_toppra --lines 12 --seed 1
 
@@ -32,7 +32,8 @@ from servogen.motion.torque import TorqueLimits
 from servogen.robot.binding import Binding
 from servogen.robot.model import Arm
 
-ARMS = ("scara", "rv-m1", "anthropomorphic", "irb6400c")
+ARMS = ("scara", "spherical", "anthropomorphic", "irb6400c", "spherical-wrist", "cylindrical-r2p")
+"""Of three, four and six joints: one of five holds only a part of an orientation along a line."""
 SPEED, ACCELERATION, FRAME_S = np.radians(300), np.radians(1500), 0.02
 SLIDE = 0.3
 """The speed (m/s) of a sliding joint; its acceleration is five times that."""
