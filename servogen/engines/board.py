@@ -55,7 +55,7 @@ def paired_machine(
     applied, other, wire = (
         (stimulus, Machine(images[1], second.clock, board_of(second, options)), (source, pin))
         if shown == 0
-        else (Stimuli([leading]), leading.powered(), None)
+        else (leading, leading.powered(), None)
     )
     board, restart = board_of(schedules[shown], options), second.wire.restart
     line = None if restart is None else pin_number(restart)

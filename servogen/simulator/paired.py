@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Set
 from dataclasses import dataclass, fields, replace
+from fractions import Fraction
 from itertools import tee
 
 import numpy as np
@@ -24,12 +25,11 @@ from servogen.simulator.layout import MCLR_PIN
 from servogen.simulator.machine import Machine, Observation, Packed, Snapshot, Stimulus
 from servogen.simulator.options import SimulatorOptions
 from servogen.simulator.sources import LevelChange
-from servogen.simulator.stimulus import Stimuli
 from servogen.units import Clock
 
 NO_ROWS = np.zeros((0, 4), dtype=np.int64)
-AHEAD_S = 1
-"""The time that a first chip runs ahead at least, so that one without edges does not run for ever."""
+AHEAD_S = Fraction(1, 10)
+"""The time by which a first chip runs ahead of the second one that is shown, whether it has edges or not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,13 +41,13 @@ class FirstChip:
     source: int
     pin: int
 
-    def changes(self, clock: Clock) -> Iterator[LevelChange]:
-        first, level = self.powered(), LOW
+    def changes(self, clock: Clock) -> Iterator[tuple[int, Packed]]:
+        first = self.powered()
+        piece = [LevelChange(int(first.cycles), self.pin, LOW)]
         while True:
-            yield LevelChange(int(first.cycles), self.pin, level)
-            for change in _changes(first.run(clock.round_seconds(AHEAD_S)), self.source, self.pin):
-                level = change.level
-                yield change
+            piece += _changes(first.run(clock.round_seconds(AHEAD_S)), self.source, self.pin)
+            yield int(first.cycles), np.array([change.packed for change in piece], dtype=np.int64)
+            piece = []
 
 
 def _changes(edges: EdgeChunk, source: int, pin: int) -> Iterator[LevelChange]:
@@ -193,8 +193,8 @@ class PairedMachine(Machine):
         # What runs ahead of the shown one is now as the other one is.
         ahead = self._first.powered()
         ahead.restore(first.snapshot())
-        stimuli = Stimuli([replace(self._first, powered=lambda: ahead)])
-        self._changes = tee(stimuli.changes(self.clock), 1)[0]
+        first_again = replace(self._first, powered=lambda: ahead)
+        self._changes = tee(first_again.changes(self.clock), 1)[0]
         self._refill()
 
     def _of_both(self, edges: EdgeChunk) -> EdgeChunk:

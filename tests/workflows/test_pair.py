@@ -17,7 +17,7 @@ from servogen.engines.board import board_of, machine_of, paired_machine
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
 from servogen.pic.image import Image, read_hex
-from servogen.simulator import LevelChange, Levels, Machine, PairedMachine, Reset, Stimuli
+from servogen.simulator import FirstChip, LevelChange, Levels, Machine, PairedMachine, Reset, Stimuli
 from servogen.simulator.layout import MCLR_PIN
 from servogen.simulator.machine import Observation
 from servogen.units import Cycles
@@ -233,6 +233,15 @@ def test_both_chips_in_one_machine_make_the_edges_of_each_alone(
         assert all((np.diff(chunk.cycle) >= 0).all() for chunk in seen)
         assert rows(join(seen), shown * OTHER_PINS) == sorted([*alone[0], *alone[1]])
         both.restore(begin)
+
+
+def test_a_first_chip_without_edges_runs_ahead_of_it_by_less_than_a_second(pair: PairBuild) -> None:
+    schedule, image = pair.chips[0].plan.schedule, pair.chips[0].programs[0].image
+    first = Machine(image, schedule.clock)
+    first.apply([LevelChange(0, MCLR_PIN, 0)])
+    pieces = FirstChip(lambda: first, PINS.index("RB1"), PINS.index("RA4")).changes(schedule.clock)
+    known, changes = next(pieces)
+    assert 0 < known < schedule.clock.hz / 4 and len(changes) == 1  # low at first
 
 
 @pytest.fixture(scope="module")
