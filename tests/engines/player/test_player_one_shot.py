@@ -1,4 +1,4 @@
-"""A motion that is played once: what comes after it, for ever, in every dialect."""
+"""A motion that is played once: what comes after it, for ever."""
 
 from math import radians
 
@@ -6,6 +6,7 @@ import pytest
 
 from servogen.units import Cycles
 from servogen.workflows.verification import judge_forever
+from tests.campaigns import sampled
 from tests.engines.player.player_jobs import ROOT, built_text, job_text, poses
 
 WAY = [(30, 150, 90), (120, 40, 90), (75, 75, 130)]
@@ -45,9 +46,10 @@ def test_with_a_start_button_the_motion_is_played_once_after_it() -> None:
     assert found.passed, found.text()
 
 
-def test_a_walk_can_be_played_once() -> None:
+@pytest.mark.parametrize("end", sampled(["hold", "release"]))
+def test_a_walk_can_be_played_once(end: str) -> None:
     walk = (ROOT / "jobs" / "hexapod-tripod.toml").read_text()
-    walk = walk.replace("lift_mm = 20", 'lift_mm = 20\nrepeat = false\nend = "hold"')
+    walk = walk.replace("lift_mm = 20", f'lift_mm = 20\nrepeat = false\nend = "{end}"')
     done = built_text(walk)
     assert done.exact
     found = judge_forever(done.plan.schedule, done.programs[0].image, Cycles(2000 * 20_000))

@@ -20,9 +20,9 @@ def wandering(servos: int, count: int) -> str:
 
 
 @pytest.mark.campaign
-def test_more_poses_than_one_table_holds_are_played_exactly() -> None:
+@pytest.mark.parametrize("servos", [11, 12])
+def test_more_poses_than_one_table_holds_are_played_exactly(servos: int) -> None:
     """An odd number of servos leaves a byte of the second table unused."""
-    servos = 11
     count = MAX_BYTES // servos + 5
     made = built_text(wandering(servos, count))
     assert made.exact
