@@ -121,7 +121,7 @@ def test_the_compiler_stops_after_fifty_errors() -> None:
 @pytest.mark.parametrize("opened", ["/* ", "#asm\n", "asm { ", '"/* ', "__asm \n"])
 def test_what_is_opened_again_and_again_is_read_once(opened: str) -> None:
     """A search for each end over the whole rest of the file would take minutes."""
-    text = MAIN + opened * (60_000 // len(opened))
+    text = MAIN + opened * (190_000 // len(opened))
     try:
         assert compile_sources([Source(text, "main.c")]).words
     except InputError as error:
