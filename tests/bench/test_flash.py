@@ -252,7 +252,7 @@ def test_an_interrupt_ends_the_programmers_program_too(
     with pytest.raises(KeyboardInterrupt):
         flash(tool, order, image_of(BUILT))
     (process,) = started
-    assert process.wait(10) == -signal.SIGKILL
+    assert process.wait(300) == -signal.SIGKILL
 
 
 # What the others say, as far as it is published, else assumed.

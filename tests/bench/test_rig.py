@@ -85,7 +85,7 @@ def test_it_ends_on_a_signal_and_leaves_nothing_behind(
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     opened = bench()
     opened.process.send_signal(number)
-    assert opened.process.wait(60) == 0
+    assert opened.process.wait(300) == 0
     assert opened.process.stderr is not None
     assert opened.process.stderr.read() == ""
     # Its terminals close with the process; their names may belong to another one by now.

@@ -344,7 +344,7 @@ def test_a_session_is_read_or_refused_as_sigrok_cli_does(tmp_path: Path, rate: s
         archive.writestr("metadata", f"[global]\nsigrok version=0.5.2\n\n{text}")
         archive.writestr("logic-1-1", bytes([0, 1] * 20))
     command = ["sigrok-cli", "-i", str(path), "-O", "csv"]
-    shown = subprocess.run(command, capture_output=True, text=True, check=False, timeout=30)
+    shown = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
     line = next((line for line in shown.stdout.splitlines() if "Samplerate: " in line), None)
     if line is None:
         with pytest.raises(InputError, match="is not understood"):

@@ -51,7 +51,7 @@ class Shell:
 
     def until(self, pattern: str) -> re.Match[str]:
         """What the shell shows, up to a pattern, which is taken away."""
-        end = time.monotonic() + 60
+        end = time.monotonic() + 300
         while (found := re.search(pattern, self.seen)) is None:
             assert time.monotonic() < end, f"{pattern} did not come: {self.seen!r}"
             if select.select([self.master], (), (), 1)[0]:

@@ -55,7 +55,7 @@ class Editor:
         return body
 
     def until(self, wanted: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
-        while not wanted(message := self._came.get(timeout=30)):
+        while not wanted(message := self._came.get(timeout=300)):
             pass
         return message
 
@@ -84,7 +84,7 @@ def page(server: Running) -> Iterator[ClientConnection]:
 
 def shown(page: ClientConnection) -> dict[str, Any]:
     """The next whole moment that the page shows."""
-    while "chip" not in (message := json.loads(page.recv(timeout=30))) or message["is"] != "now":
+    while "chip" not in (message := json.loads(page.recv(timeout=300))) or message["is"] != "now":
         pass
     return dict(message)
 
@@ -204,7 +204,7 @@ def test_a_page_whose_server_is_killed_ends_the_session() -> None:
         ended: queue.Queue[dict[str, Any]] = queue.Queue()
         page = RunningPage(f"http://127.0.0.1:{server.socket.getsockname()[1]}/token/", ended.put)
         assert page.send({})
-        assert ended.get(timeout=30)["event"] == "terminated"
+        assert ended.get(timeout=300)["event"] == "terminated"
         assert not page.send({})
 
 

@@ -75,7 +75,7 @@ class Serial:
             elif self._stop in ready:
                 return
 
-    def wait_for(self, what: Callable[[Decoder], bool], seconds: float = 20.0) -> None:
+    def wait_for(self, what: Callable[[Decoder], bool], seconds: float = 300.0) -> None:
         """Looks until it is so; the time only bounds a failure."""
         for _ in range(int(seconds / 0.01)):
             if what(self.decoder):

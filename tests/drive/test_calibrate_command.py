@@ -86,7 +86,7 @@ def test_a_servo_is_moved_and_its_angles_are_asked_for(start: Start, serial: Ser
         serial.wait_for(lambda decoder, number=number: decoder.positions.get(0) == number)
         process.stdin.write(f"{answer}\n")
         process.stdin.flush()
-    out, err = process.communicate(timeout=120)
+    out, err = process.communicate(timeout=300)
     assert process.returncode == 0, err
     assert "'ninety' is not a number of degrees" in err
     assert serial.decoder.positions == {0: middle}, "it ends in the neutral pose"

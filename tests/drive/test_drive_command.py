@@ -48,7 +48,7 @@ def test_ctrl_c_stops_the_robot(start: Start, serial: Serial) -> None:
     process = start("drive", JOBS / "lab8-exercise.toml", "-p", serial.path, *RANGE, *options)
     serial.wait_for(lambda decoder: decoder.positions.get(0) == position(1166.67))
     process.send_signal(signal.SIGINT)
-    process.communicate(timeout=120)
+    process.communicate(timeout=300)
     assert process.returncode == 130
     serial.wait_for(lambda decoder: decoder.positions[0] == position(1250))
 
@@ -58,7 +58,7 @@ def test_wheels_stand_when_the_process_is_told_to_end(start: Start, serial: Seri
     process = start("drive", JOBS / "omni-square.toml", "-p", serial.path, *RANGE, "--json")
     serial.wait_for(lambda decoder: decoder.positions.get(0, 127) != 127)
     process.send_signal(signal.SIGTERM)
-    out, _ = process.communicate(timeout=120)
+    out, _ = process.communicate(timeout=300)
     serial.wait_for(lambda decoder: decoder.positions == {0: 127, 1: 127, 2: 127})
     *_, stopped, summary = (json.loads(line) for line in out.splitlines())
     assert stopped["event"] == "stopped"
@@ -106,7 +106,7 @@ def test_a_robot_that_is_unplugged_and_plugged_in_again_gets_its_whole_pose(
     serial.wait_for(lambda decoder: {0, 1, 2} <= set(decoder.positions))
     assert [number for number, _ in serial.decoder.moves[:3]] == [0, 1, 2]
     process.send_signal(signal.SIGINT)
-    out, _ = process.communicate(timeout=120)
+    out, _ = process.communicate(timeout=300)
     assert json.loads(out.splitlines()[-1])["outages"] == 1
 
 
@@ -162,7 +162,7 @@ def test_lines_of_standard_input_steer(start: Start, serial: Serial) -> None:
     serial.wait_for(lambda decoder: decoder.positions.get(0, 127) > 127 > decoder.positions.get(1, 127))
     process.stdin.close()
     process.stdin = None
-    process.communicate(timeout=120)
+    process.communicate(timeout=300)
     assert process.returncode == 0
     serial.wait_for(lambda decoder: decoder.positions == {0: 127, 1: 127, 2: 127})
 
@@ -175,7 +175,7 @@ def test_keys_of_a_terminal_steer_and_ones_that_mean_nothing_do_nothing(start: S
         os.write(master, b"7z\x1b[A")
         serial.wait_for(lambda decoder: decoder.positions[0] > 127 > decoder.positions[1])
         os.write(master, b"x")
-        _, err = process.communicate(timeout=120)
+        _, err = process.communicate(timeout=300)
         assert process.returncode == 0, err
     finally:
         os.close(master)
@@ -253,6 +253,6 @@ def test_a_pose_that_the_fail_safe_would_end_is_kept_and_said_to_be(
     process = start("drive", job, "-p", serial.path, "--pose", "arm=90", "--arrive-s", 0)
     serial.wait_for(lambda decoder: len(decoder.moves) > 2)
     process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=120)
+    out, err = process.communicate(timeout=300)
     assert process.returncode == 130, err
     assert "kept until Ctrl-C" in out

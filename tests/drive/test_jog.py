@@ -63,7 +63,7 @@ def test_keys_of_a_terminal_jog_the_robot_and_show_the_servo(start: Start, seria
         os.write(master, b"\t]]+")
         serial.wait_for(lambda decoder: decoder.positions[1] > before[1])
         os.write(master, b"x")
-        _, err = process.communicate(timeout=120)
+        _, err = process.communicate(timeout=300)
         assert process.returncode == 0, err
         assert "shoulder: 95.0°, 1528 µs; step 5°" in err
         assert serial.decoder.positions[0] == before[0]

@@ -98,7 +98,7 @@ def test_the_widths_are_those_of_the_schedules_frames(walked: list[CommandedFram
 def piped(start: Start, text: str, *arguments: object) -> tuple[int, str, str]:
     """Return exit code, output and errors of `drive` whose standard input is `text`."""
     process = start("drive", JOB, *arguments, stdin=subprocess.PIPE)
-    out, err = process.communicate(text, timeout=60)
+    out, err = process.communicate(text, timeout=300)
     return process.returncode, out, err
 
 
@@ -205,7 +205,7 @@ def terminal() -> Iterator[tuple[int, int]]:
         os.close(slave)
 
 
-def read_until(descriptor: int, wanted: bytes, seconds: float = 30) -> bytes:
+def read_until(descriptor: int, wanted: bytes, seconds: float = 300) -> bytes:
     data = b""
     end = time.monotonic() + seconds
     while wanted not in data:
@@ -230,7 +230,7 @@ def test_keys_of_a_terminal_are_sent_to_a_port_and_the_terminal_is_restored(star
         assert termios.tcgetattr(port)[4:6] == [termios.B50, termios.B50]
         os.write(master, b"q")
         assert read_until(robot, b"\x00\x00") == b"\x00\x00"
-        _, err = process.communicate(timeout=120)
+        _, err = process.communicate(timeout=300)
         assert process.returncode == 0, err
         assert termios.tcgetattr(slave) == before
 
@@ -243,7 +243,7 @@ def test_ctrl_c_ends_the_drive_and_restores_the_terminal(start: Start) -> None:
         read_until(process.stdout.fileno(), b"frame")
         assert termios.tcgetattr(slave) != before
         process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=120)
+        _, err = process.communicate(timeout=300)
         assert process.returncode == 130, err
         assert termios.tcgetattr(slave) == before
 

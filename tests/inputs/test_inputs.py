@@ -90,7 +90,7 @@ def test_a_pipe_that_replaces_a_file_as_it_is_opened_is_refused_and_closed(
 
     monkeypatch.setattr(os, "fdopen", noted)
     monkeypatch.setattr(Path, "stat", lambda path: of_file)
-    with time_limit(5), pytest.raises(InputError, match="is a named pipe: only regular files are read"):
+    with time_limit(60), pytest.raises(InputError, match="is a named pipe: only regular files are read"):
         open_input(pipe)
     assert [each.closed for each in opened] == [True]
 

@@ -27,7 +27,8 @@ FLAGS = (
     *("--disable-background-networking", "--disable-component-update", "--disable-sync", "--mute-audio"),
     *("--remote-debugging-port=0", "--disable-extensions", "--hide-scrollbars"),
 )
-WAIT_S = 30.0
+WAIT_S = 300.0
+"""Only what hangs waits so long."""
 
 
 def chromium() -> str | None:

@@ -32,7 +32,7 @@ class Running:
         self._task = self._loop.create_task(self.server.run(port, lambda url: ready.set()))
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
-        assert ready.wait(60)
+        assert ready.wait(300)
         parts = urlsplit(self.server.url)
         self.host, self.token = parts.netloc, parts.path.strip("/")
 
@@ -60,7 +60,7 @@ class Running:
 
     def get(self, path: str, **headers: str) -> tuple[int, str, dict[str, str]]:
         """Ask as a browser does that a person gave the address, unless `headers` say otherwise."""
-        connection = http.client.HTTPConnection(self.host, timeout=60)
+        connection = http.client.HTTPConnection(self.host, timeout=300)
         asked = {"Host": self.host, "Sec-Fetch-Site": "none"} | headers
         connection.putrequest("GET", path, skip_host=True, skip_accept_encoding=True)
         for name, value in asked.items():

@@ -72,14 +72,14 @@ def test_the_server_ends_with_the_command() -> None:
         found = re.search(r"main\.hex: (http://127\.0\.0\.1:\d+/\S+/)", output.readline())
         assert found
         address = urlsplit(found[1])
-        connection = http.client.HTTPConnection(address.netloc, timeout=60)
+        connection = http.client.HTTPConnection(address.netloc, timeout=300)
         connection.request("GET", address.path, headers={"Sec-Fetch-Site": "none"})
         assert connection.getresponse().status == 200
         served.send_signal(signal.SIGINT)
-        assert served.wait(60) == 0
+        assert served.wait(300) == 0
         assert "Traceback" not in errors.read()
     with pytest.raises(ConnectionRefusedError):
-        http.client.HTTPConnection(address.netloc, timeout=60).connect()
+        http.client.HTTPConnection(address.netloc, timeout=300).connect()
 
 
 @pytest.mark.campaign
@@ -99,7 +99,7 @@ def test_a_slider_moves_a_robot_at_a_port() -> None:
             origin = {"Origin": f"http://{found[1]}"}
             with connect(f"ws://{found[1]}{found[2]}socket", additional_headers=origin, proxy=None) as socket:
                 socket.send(json.dumps({"window": ""}))
-                while json.loads(socket.recv(timeout=60))["is"] != "model":
+                while json.loads(socket.recv(timeout=300))["is"] != "model":
                     pass
                 for servo, position in ((2, 254), (0, 7)):
                     socket.send(json.dumps({"do": "servo", "servo": servo, "position": position}))
@@ -109,7 +109,7 @@ def test_a_slider_moves_a_robot_at_a_port() -> None:
                     received += os.read(robot, 64)
                 assert received == bytes([255, 2, 254, 255, 0, 7])
             served.send_signal(signal.SIGINT)
-            assert served.wait(60) == 0
+            assert served.wait(300) == 0
             assert "Traceback" not in errors.read()
     finally:
         os.close(robot)
