@@ -49,17 +49,17 @@ def reserve(state: Pass, statement: Statement, name: str | None) -> None:
 
 
 MAX_COUNT = 0x2200
-"""The maximum count of FILL and RES, and of ORG in a section: more words than there are addresses."""
+"""The maximum count of FILL and RES, of ORG in a section and of REPT: more words than there are addresses."""
 
 
-def counted(count: int, statement: Statement) -> int:
-    """Return the number of words that a line places. Raises SourceError for a number that no chip has."""
+def counted(count: int, statement: Statement, what: str = "words") -> int:
+    """Return the number of words, or turns, that a line asks for. Raises SourceError beyond `MAX_COUNT`."""
     if not 0 <= count <= MAX_COUNT:
         raise SourceError(
             "asm-argument-range",
-            f"{statement.operation.upper()} of {count} words",
+            f"{statement.operation.upper()} of {count} {what}",
             statement.column,
-            f"0 to {MAX_COUNT} words",
+            f"0 to {MAX_COUNT} {what}",
         )
     return count
 

@@ -122,7 +122,7 @@ def _ds(state: Pass, statement: Statement) -> None:
 def _rept(state: Pass, statement: Statement) -> None:
     """Repeat the lines up to ENDM as often as its operand says."""
     body = state.macro_body(statement)
-    for turn in range(1, 1 + counted(state.one(statement), statement)):
+    for turn in range(1, 1 + counted(state.one(statement), statement, "turns")):
         state.spend()
         state.expand(body, {}, f"in turn {turn} of REPT at", statement)
 
