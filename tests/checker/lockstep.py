@@ -108,11 +108,12 @@ def bus_program(seed: int) -> Image:
         if rng.random() < 0.7:
             start()
         if rng.random() < 0.7:
-            for byte in (0xA0, 0, rng.randrange(6)):
+            for byte in (0xA0, 0, rng.randrange(7)):
                 give(byte)
-            start()
+            if rng.random() < 0.9:
+                start()
         if rng.random() < 0.9:
-            give(0xA1)
+            give(0xA1 if rng.random() < 0.9 else rng.randrange(256))
         for bit in range(rng.choice((9, 18, rng.randrange(20)))):
             clock(SDA * (bit % 9 < 8 or rng.random() < 0.1))
         if rng.random() < 0.3:
@@ -201,10 +202,12 @@ def compare(image: Image, seed: int, cycles: int = 3000, tape: bytes = b"") -> C
     s = power_up()
     if tape:
         s[[layout.TAKES, layout.POINTER]] = layout.ANYTHING, -1
-    phase, asked, instructions, stride, told = -1, 0, 0, rng.choice((11, 13) if tape else (1, 1, 7, 300)), 0
+    phase, asked, instructions, stride, told = -1, 0, 0, rng.choice((31, 37) if tape else (1, 1, 7, 300)), 0
     while s[layout.CYCLE] < cycles:
         used = np.zeros(layout.SLOTS, dtype=np.int64)
         why = chip.run(s, used, edge_at, edge_out, held, board(int(s[layout.CYCLE]) + stride, len(tape)))
+        if tape:  # with a device each step takes as long as this
+            machine.run(int(s[layout.CYCLE]) - machine.cycles)
         while machine.cycles < s[layout.CYCLE]:
             machine.step()
             instructions += 1

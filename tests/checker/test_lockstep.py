@@ -37,11 +37,10 @@ def test_every_state_of_the_simulator_is_within_the_checkers() -> None:
 
 
 def test_whatever_is_said_on_a_tapes_bus_the_checkers_eeprom_may_do_what_the_simulators_does() -> None:
-    seeds = range(PROGRAMS // 4)
-    found = [compare(bus_program(seed), seed, cycles=2000, tape=TAPE) for seed in seeds]
+    found = [compare(bus_program(seed), seed, cycles=2000, tape=TAPE) for seed in range(PROGRAMS)]
     assert {each.reason for each in found} == {layout.TOO_LONG}
     assert all(each.asked for each in found)  # nothing is known of it after a reset
-    assert sum(each.told for each in found) > PROGRAMS // 3
+    assert sum(each.told for each in found) > 2 * PROGRAMS
 
 
 def test_a_run_depends_on_no_byte_of_ram_but_those_that_it_reads_first() -> None:
