@@ -46,7 +46,7 @@ def check_certificate(
         with status(f"{hex_file.name}: checking {claim.count} states"):
             schedule = read_input(against, MAX_SCHEDULE_BYTES)
             file = against.with_name(TAPE_FILE)
-            tape = read_input(file) if file.is_file() else b""
+            tape = read_input(file) if claim.tape or file.is_file() else b""
             held = allow_held or ()
             checked = checker.check_certificate(claim, image, schedule, str(against), held, tape=tape)
     except checker.Refused as refused:

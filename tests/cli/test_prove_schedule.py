@@ -41,6 +41,10 @@ def test_a_proof_names_its_assumptions_and_writes_a_certificate(run: Run) -> Non
     other = Path("other.json")
     other.write_text(SCHEDULE.read_text().replace("1500", "1501"))
     assert run("check-certificate", "good.xz", "good.hex", "--against", other).code == 1
+    taped = certify.unpack(Path("good.xz").read_bytes()) | {"tape": "0" * 64}
+    Path("taped.xz").write_bytes(certify.pack(taped))
+    untaped = run("check-certificate", "taped.xz", "good.hex", "--against", SCHEDULE)
+    assert (untaped.code, "tape.bin: error" in untaped.err) == (2, True), "the tape is beside the schedule"
 
 
 def test_a_button_that_is_held_has_a_certificate_only_if_asked_for_and_no_valid_one_unless_allowed(
