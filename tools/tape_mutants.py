@@ -13,8 +13,8 @@ another identity, with no EEPROM, and with an SDA that stays low. Exit code 1 if
 words that change nothing in these runs are listed.
 
 With `--proofs N`, both witnesses of a proof judge the mutants: the checker each, with the certificate of the
-right program and tape (`main.cert.xz`) whose head is corrected, and the prover N of them. Exit code 1 if one
-of them takes a mutant for proven that goes wrong in a plain run with the tape.
+right program and tape (`main.cert.xz`, of `servogen build --prove`) whose head is corrected, and the prover N
+of them. Exit code 1 if one of them takes a mutant for proven that goes wrong in a plain run with the tape.
 """
 
 from __future__ import annotations
@@ -213,6 +213,8 @@ def main() -> int:
     data, servos, rng = schedule.tape.content, len(schedule.channels), random.Random(given.seed)
     if given.proofs is not None:
         file = given.folder / "main.cert.xz"
+        if not file.exists():
+            parser.error(f"{file} is missing: build the job with --prove")
         claim = read_certificate(file.read_bytes(), str(file))
         tapes = tape_mutants(data, servos, given.count - given.count // 2, rng)
         words = word_mutants(program, given.count // 2, rng)
