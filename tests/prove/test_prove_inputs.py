@@ -313,7 +313,7 @@ rest    decfsz 0x21, f
     quiet = prove_for_all(assembled(body.format(enable="0"), handler), schedule)
     assert quiet.proven, quiet.reason
     found = prove_for_all(assembled(body.format(enable=enable), handler), schedule, max_states=100)
-    assert not found.proven
+    assert not found.proven and found.counterexample is not None
 
 
 def test_a_pin_that_is_read_twice_in_a_frame_is_not_decided_but_never_proven() -> None:
