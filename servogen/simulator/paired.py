@@ -31,6 +31,11 @@ NO_ROWS = np.zeros((0, 4), dtype=np.int64)
 AHEAD_S = Fraction(1, 10)
 """The time by which a first chip runs ahead of the second one that is shown, whether it has edges or not."""
 
+UNDONE, MOST_UNDONE = 1 << 10, 1 << 22
+"""The cycles, at first and at most, that both chips run before a change of the line to MCLR is looked for:
+what is made again is not much more than what is kept.
+"""
+
 
 @dataclass(frozen=True, slots=True)
 class FirstChip:
@@ -155,31 +160,35 @@ class PairedMachine(Machine):
     ) -> Iterator[tuple[EdgeChunk, Packed]]:
         """Yield what `runs`, to a cycle, yields up to `end`, with the line back to the first chip's MCLR.
 
-        Both chips run without it; what follows a change of it is made again.
+        Both chips run without it, for longer and longer; what follows a change of it is made again.
         """
-        running = runs(end)
         if self._restart is None:
-            yield from running
+            yield from runs(end)
             return
+        ahead = UNDONE
         while True:
-            before = self.snapshot()
-            made = next(running, None)
-            if made is None:
+            goal, there = min(end, self.cycles + ahead), None
+            running = runs(goal)
+            while there is None:
+                before = self.snapshot()
+                made = next(running, None)
+                if made is None:
+                    break
+                edges = made[0]
+                changed = (edges.pin == self._restart) & ((edges.level == LOW) == (self._mclr == HIGH))
+                if not changed.any():
+                    yield made
+                    continue
+                self.restore(before)
+                goal = there = int(edges.cycle[changed][0])
+                yield from runs(there)
+            if self.cycles < goal:  # it has stopped before
                 return
-            edges = made[0]
-            changed = (edges.pin == self._restart) & ((edges.level == LOW) == (self._mclr == HIGH))
-            if not changed.any():
-                yield made
-                continue
-            self.restore(before)
-            there = int(edges.cycle[changed][0])
-            yield from runs(there)
-            if self.cycles < there:  # it has stopped before
+            if there is not None:
+                self._set_mclr(there)
+            if self.cycles >= end or (self.pc in breakpoints and not self.asleep):
                 return
-            self._set_mclr(there)
-            if self.cycles >= end or self.pc in breakpoints:
-                return
-            running = runs(end)
+            ahead = min(2 * ahead, MOST_UNDONE) if there is None else UNDONE
 
     def _set_mclr(self, cycle: int) -> None:
         """Give the first chip's MCLR its other level."""

@@ -16,6 +16,8 @@ from servogen.edges import HIGH, LOW, OTHER_PINS, PINS, UNDRIVEN, EdgeChunk, Edg
 from servogen.engines.board import board_of, machine_of, paired_machine
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
+from servogen.pic.assembler.assembly import assemble
+from servogen.pic.device import device
 from servogen.pic.image import Image, read_hex
 from servogen.simulator import FirstChip, LevelChange, Levels, Machine, PairedMachine, Reset, Stimuli
 from servogen.simulator.layout import MCLR_PIN
@@ -298,6 +300,38 @@ def test_the_first_chip_is_reset_in_one_cycle_however_the_run_is_cut(
     machine.restore(begin)
     parts = [noted(machine, 1500), machine.run(15 * P - 1500)]
     assert rows(join(parts), shown * OTHER_PINS) == whole
+
+
+RESETS_FOR_EVER = """
+        list p=16f84
+        include "p16f84.inc"
+        bsf STATUS, RP0
+again   movlw 0x0F
+        movwf TRISA
+        movlw 0x1F
+        movwf TRISA
+        decfsz 0x20, f
+        goto $-1
+        goto again
+        end
+"""
+
+
+def test_the_work_for_a_line_that_changes_for_ever_grows_with_the_time_only(
+    restarting: PlayedPair, images: tuple[Image, Image], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    second = assemble(RESETS_FOR_EVER, "it.asm", device("PIC16F84")).image
+    machine = paired_machine(restarting.schedules, (images[0], second))
+    run, ran = machine.other.run, list[int]()
+
+    def counted(cycles: int) -> EdgeChunk:
+        ran.append(cycles)
+        return run(cycles)
+
+    monkeypatch.setattr(machine.other, "run", counted)
+    edges = machine.run(2 * P)
+    assert np.count_nonzero(edges.pin == OTHER_PINS + PINS.index("RA4")) > 80
+    assert sum(ran) < 5 * 2 * P
 
 
 def test_frames_of_the_first_chip_begin_after_the_second_one_can_listen(pair: PairBuild, wire: Wire) -> None:
