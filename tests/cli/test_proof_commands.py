@@ -194,7 +194,7 @@ def test_check_certificate_says_what_was_checked(
 ) -> None:
     held_texts = tuple(f"{pin} held at {level}" for pin, level in held.items())
     counts = checker.Checked(5, 6, 7, 8, ("every input",), held_texts)
-    claim = SimpleNamespace(held=held, count=5)
+    claim = SimpleNamespace(held=held, count=5, tape="")
     stand_in(monkeypatch, checker, "read_certificate", lambda data, name: claim)
     allowed: list[Any] = []
     stand_in(
