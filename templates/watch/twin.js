@@ -62,8 +62,8 @@ export class Twin {
         + " the physics is slower than this speed, and catches up";
     }
     if (parts.floating) {
-      const turned = `turned by ${(pose[3] * 180 / Math.PI).toFixed(1)}°`;
-      said.push(`body at ${mm(pose[0])}, ${mm(pose[1])}, ${mm(pose[2])} high, ${turned}`);
+      const turned = +(pose[3] * 180 / Math.PI).toFixed(1) || 0;  // not -0
+      said.push(`body at ${mm(pose[0])}, ${mm(pose[1])}, ${mm(pose[2])} high, turned by ${turned}°`);
     }
     const down = parts.legs.filter((_, leg) => now.force[leg] > parts.touch);
     if (parts.legs.length) said.push(`on the ground: ${down.join(" ") || "no foot"}`);
