@@ -77,6 +77,10 @@ def armed(breakpoint: Breakpoint, given: Mapping[str, Any], listing: Listing | N
     return Armed(breakpoint, condition, int(hits), printed, listing)
 
 
+def unheard(text: str) -> None:
+    """Take a message of a breakpoint where no editor is there to read it."""
+
+
 def next_stop(
     chip: TimeMachine,
     end: int,

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from servogen.dap import DebugSession
-from servogen.dap.breakpoints import Armed, next_stop
+from servogen.dap.breakpoints import Armed, next_stop, unheard
 from servogen.debug.breakpoints import AtEdge, Breakpoint, first_stop, parse_breakpoint
 from servogen.debug.pins import explain_pin
 from servogen.debug.symbols import current_line, line_at
@@ -321,7 +321,7 @@ class WatchSession:
     def _advance(self, cycles: int) -> None:
         assert self.chip is not None
         chunks: list[EdgeChunk] = []
-        armed, log = [Armed(each) for each in self.breakpoints], _unheard
+        armed, log = [Armed(each) for each in self.breakpoints], unheard
         if self.editor is not None:
             armed, log = armed + self.editor.armed, self.editor.log
         end = self.now + cycles
@@ -943,10 +943,6 @@ def _mark(warning: Diagnostic) -> Message:
         "file": place.file if place else None,
         "line": line,
     }
-
-
-def _unheard(text: str) -> None:
-    """Take what the breakpoints of a page, which have no messages, would print."""
 
 
 def _check_baud(baud: Fraction) -> None:

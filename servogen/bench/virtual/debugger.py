@@ -13,7 +13,7 @@ from typing import Never
 
 from servogen.bench.virtual.chip import VirtualChip
 from servogen.dap import DebugSession, Loaded
-from servogen.dap.breakpoints import Armed, next_stop
+from servogen.dap.breakpoints import Armed, next_stop, unheard
 from servogen.dap.protocol import Message
 from servogen.debug.breakpoints import AtEdge
 from servogen.debug.time_machine import TimeMachine
@@ -65,7 +65,7 @@ class VirtualDebugger:
         """Run for `cycles`, to a breakpoint or, if asked to, just after an edge; return the edges."""
         session, chunks = self._session, list[EdgeChunk]()
         armed = [*(session.armed if session is not None else ()), *(ANY_EDGE if to_edge else ())]
-        log = session.log if session is not None else _unheard
+        log = session.log if session is not None else unheard
         hit = next_stop(self._time, self._time.now + cycles, armed, log, chunks)
         if session is not None and hit is not None and hit not in ANY_EDGE:
             session.stopped("breakpoint", hit.text)
@@ -127,7 +127,3 @@ class VirtualDebugger:
         session.debug(Loaded(self._path, program, chip.options, None), self._time)
         session.running, session.stands_at = chip.in_real_time, int(self._time.now)
         self._session = session
-
-
-def _unheard(text: str) -> None:
-    """Take a message that nobody is there to read."""
