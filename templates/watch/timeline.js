@@ -16,6 +16,7 @@ export class Timeline {
   constructor(places, { change, chosen, pointed }) {
     Object.assign(this, { places, change, chosen, pointed });
     this.poses = [];
+    this.blocks = [];
     this.selected = 0;
     places.list.addEventListener("keydown", event => { if (this.press(event)) event.preventDefault(); });
     for (const key of ["move_s", "hold_s", "pause_s"]) {
@@ -57,7 +58,7 @@ export class Timeline {
   }
   // Mark the pose that the chip is in, and the one that the pointer is on somewhere.
   point(now, linked) {
-    this.blocks?.forEach((block, index) => {
+    this.blocks.forEach((block, index) => {
       block.classList.toggle("now", index === now);
       block.classList.toggle("linked", index === linked);
     });

@@ -194,6 +194,7 @@ class Terminals:
             for name, terminal in self._open.items():
                 if self.paths[name] == path:
                     terminal.opened_at = now if opened else None
+                    terminal.device.outgoing.clear()  # held in reset, or with nobody to send it to
         for terminal in self._open.values():
             due = terminal.opened_at is not None and now >= terminal.opened_at + STARTED_S
             if terminal.opened_at is not None and (due or terminal.master in readable):
