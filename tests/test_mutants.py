@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ast
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -11,6 +13,7 @@ import pytest
 pytest.importorskip("coverage", reason="the extra 'dev' is not installed as pyproject.toml has it now")
 
 from tools.mutants import (
+    COMPILE,
     ROOT,
     Fate,
     Limits,
@@ -129,6 +132,28 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 )
 def test_each_kind_of_fault_is_made_and_no_other(source: str, changes: list[str]) -> None:
     assert [each.new.replace("not (a)", "not a") for each in mutants_of(source, "x.py")] == changes
+
+
+@pytest.mark.parametrize(
+    ("source", "changes"),
+    [
+        ("    if (a < b && *p)", ["if (a < b || *p)", "if (a <= b && *p)"]),
+        ("    return a->x - -b;", ["return a->x + -b;"]),
+        ("    s = 0x1F;", [";", "s = 32;"]),
+        ("    *s = f(a,\n        b);", [";"]),
+        ("    f(&a);", [";"]),
+        ("    a->x[B] |= c << d;", [";", "a->x[B] |= c >> d;"]),
+        ("    continue;", [";"]),
+        ("    i64 *a = b;\n    Chip c;", []),
+        ("    /* a < 1 */ // a < 1\n#if A < 1", []),
+        ("    char c = '1', *d = \" < \";", []),
+    ],
+)
+def test_each_kind_of_fault_is_made_in_c_and_no_other(source: str, changes: list[str]) -> None:
+    """Of an operator and a number its line is shown as well."""
+    text = f"\n{source}\n"
+    for suffix in ("c", "h"):
+        assert [each.new.strip() for each in mutants_of(text, f"x.{suffix}")] == changes
 
 
 def test_every_mutant_of_a_module_is_another_program_that_can_be_parsed() -> None:
@@ -271,6 +296,41 @@ def test_killed_are_what_a_test_notices_and_what_hangs_and_nothing_else(
     assert "recording tests/test_counting.py" in capsys.readouterr().out
     assert judged([constant], 60) == {constant: expected[constant]}
     assert "recording" not in capsys.readouterr().out  # the tests are as they were
+
+
+@pytest.mark.campaign
+def test_a_mutant_of_c_is_compiled_for_its_tests_only(toy: Path, tmp_path: Path) -> None:
+    """What the compiler refuses is killed, and the library is as it was."""
+    part = toy / "servogen" / "checker"
+    part.mkdir()
+    source = 'int twice(int n)\n{\n    _Static_assert(2 > 1, "two");\n    return n + n;\n}\n'
+    (part / "chip.c").write_text(source)
+    (part / "chip.py").write_text(
+        "import ctypes\nfrom pathlib import Path\nLIBRARY = str(Path(__file__).with_name('libchip.so'))\n"
+        "def twice(n):\n    return ctypes.CDLL(LIBRARY).twice(n)\n"
+    )
+    (toy / "servogen" / "native.py").write_text(
+        "import subprocess\nfrom pathlib import Path\nclass Part:\n    def refresh(self):\n"
+        "        command = 'cc -shared -fPIC -o libchip.so chip.c'\n"
+        "        subprocess.run(command.split(), cwd=Path(__file__).parent / 'checker', check=True)\n"
+        "def parts():\n    return [Part()]\n"
+    )
+    subprocess.run([sys.executable, "-c", COMPILE], cwd=toy, check=True)
+    (toy / "tests" / "test_counting.py").write_text(
+        "from servogen.checker.chip import twice\ndef test_twice(): assert twice(4) == 8\n"
+    )
+    compiled = (part / "libchip.so").read_bytes()
+    every = mutants_of(source, "servogen/checker/chip.c")
+    drawn = [each for each in every if "n - n" in each.new or "2 > 2" in each.new]
+    fates, unsound = judge_all(toy, drawn, Limits(60, 60), 1, ["tests"], tmp_path / "kept")
+    assert (unsound, [each.killer for each in fates]) == (
+        set(),
+        ["the compiler", "tests/test_counting.py::test_twice"],
+    )
+    with made(toy, drawn[1]):
+        subprocess.run([sys.executable, "-c", COMPILE], cwd=toy, check=True)
+        assert (part / "libchip.so").read_bytes() != compiled
+    assert (part / "libchip.so").read_bytes() == compiled
 
 
 def test_a_test_file_that_changed_is_recorded_again(toy: Path, tmp_path: Path) -> None:

@@ -3,12 +3,15 @@
 A mutant is the program with one small fault: a comparison, number, operator or condition changed, a
 statement deleted, a value not returned. A test that fails kills it. What survives is a fault that nobody
 would notice, or a change that makes no difference: read the survivors, and write the missing test.
+The parts in C (the simulator's core, the checker's chip) have mutants as well; their library is compiled
+for each.
 
     python tools/mutants.py                         # 20 mutants of the whole of servogen/
     python tools/mutants.py cli report --count 40   # of two packages
     python tools/mutants.py core --seed 3           # of all packages but cli and report
     python tools/mutants.py report --tests tests/cli tests/report   # judged by these tests only
     python tools/mutants.py simulator/ports.py --list --count 1000
+    python tools/mutants.py checker/chip.c simulator/core/timer.h   # of C
 
 The seed and the sources determine what is drawn. Each worker (--jobs) has a copy of the tree in the
 temporary folder; yours is only read. Which test executes which line is recorded once, with coverage.py, and
@@ -73,6 +76,13 @@ NO_TESTS = 5
 TESTED_IN = {"isolation": ("test_isolation.py",)}
 """The tests of what coverage.py does not see: processes that may write no file."""
 
+PARTS_IN_C = {"simulator/core": "simulator/core/__init__.py", "checker": "checker/chip.py"}
+"""The folders of C, and the module that calls it: whoever executes that may execute any line of the C."""
+
+COMPILE = "from servogen.native import parts\nfor part in parts():\n    part.refresh()\n"
+COMPILER = "the compiler"
+COMPILE_S = 300
+
 POLL_S = 0.1
 PYTEST = ("-q", "-p", "no:cacheprovider", "-o", "addopts=--import-mode=importlib")
 SLOW_TO_IMPORT = ("pytest", "numpy", "hypothesis", "typer", "matplotlib.figure")
@@ -116,6 +126,36 @@ OPERATORS: dict[type[ast.operator], type[ast.operator]] = {
     ast.BitOr: ast.BitAnd,
     ast.BitXor: ast.BitAnd,
 }
+IN_C = {
+    "<": "<=",
+    "<=": "<",
+    ">": ">=",
+    ">=": ">",
+    "==": "!=",
+    "!=": "==",
+    "&&": "||",
+    "||": "&&",
+    "+": "-",
+    "-": "+",
+    "&": "|",
+    "|": "&",
+    "^": "&",
+    "<<": ">>",
+    ">>": "<<",
+}
+C_TEXT = r"/\*.*?\*/|//[^\n]*|^\#(?:\\\n|[^\n])*|\"(?:\\.|[^\"\\])*\"|'(?:\\.|[^'\\])*'"
+"""What is read, not calculated: comments, directives of the preprocessor, strings."""
+
+C_STATEMENT = (
+    r"(?<=\n)\ +(?P<statement>\**\w+(?:\ [-+*&|^<>]*=|\(|\[|->|\.|\+\+|--)[^;{}]*;|(?:break|continue);)"
+)
+"""An assignment, a call, or a jump at the beginning of a line: a declaration has two words there."""
+
+C_OPERATOR = r"(?<=\ )(?P<operator><<|>>|<=|>=|==|!=|&&|\|\||[-<>+&|^])(?=[\ \n])"
+SHOWN_OF_C = 20
+"""Characters before and after what changes, which show where in its line it is."""
+
+C_NUMBER = r"\b(?P<number>0[xX][0-9A-Fa-f]+|[0-9]+)\b"
 
 
 Task = TypeVar("Task")
@@ -153,12 +193,14 @@ def _short(text: str, most: int = 70) -> str:
 
 
 def mutants_of(source: str, file: str) -> list[Mutant]:
-    """Return every mutant of a module, in the order of its text.
+    """Return every mutant of a module or of a file of C, in the order of its text.
 
     Left alone are strings (messages are read, not calculated), annotations, the options of decorators
     (`slots=True` has no effect that a test could see), what only a type checker runs, and `strict` of `zip`,
     which is an assertion. A returned True or False is changed into the other, not into None.
     """
+    if is_c(file):
+        return sorted(_mutants_of_c(source, file))
     lines = source.encode().splitlines(keepends=True)
     starts = [0]
     for line in lines:
@@ -227,6 +269,34 @@ def _is_constant(node: ast.expr, *values: object) -> bool:
     return isinstance(node, ast.Constant) and any(node.value is value for value in values)
 
 
+def is_c(file: str) -> bool:
+    """Return whether a file is of C."""
+    return file.endswith((".c", ".h"))
+
+
+def _mutants_of_c(source: str, file: str) -> Iterator[Mutant]:
+    """Yield the mutants of C: each token by itself, for which the house's layout is enough.
+
+    An operator with a space on either side has two operands; a number is one more.
+    """
+    inside = re.compile(f"{C_TEXT}|{C_OPERATOR}|{C_NUMBER}", re.DOTALL | re.MULTILINE)
+    whole = re.compile(f"{C_TEXT}|{C_STATEMENT}", re.DOTALL | re.MULTILINE)
+    for found in (*inside.finditer(source), *whole.finditer(source)):
+        kind = found.lastgroup
+        if kind is None:
+            continue
+        old, (start, end) = found[kind], found.span(kind)
+        new = {"operator": IN_C.get(old, ""), "statement": ";"}.get(kind) or str(int(old, 0) + 1)
+        first, last = source.rfind("\n", 0, start) + 1, source.find("\n", end)
+        before, after = (
+            source[max(first, start - SHOWN_OF_C) : start],
+            source[end : min(last, end + SHOWN_OF_C)],
+        )
+        at, line = len(source[: start - len(before)].encode()), source.count("\n", 0, start) + 1
+        old, new = (f"{before}{each}{after}" for each in (old, new))
+        yield Mutant(file, line, at, at + len(old.encode()), old, new)
+
+
 def draw(root: Path, where: Sequence[str], count: int, seed: int) -> list[Mutant]:
     """Return `count` mutants, or all if there are fewer, of the packages and files in `where`.
 
@@ -250,16 +320,21 @@ def _files(root: Path, where: Sequence[str]) -> list[Path]:
         if each == "core":
             files |= {
                 file
-                for file in folder.rglob("*.py")
+                for file in _below(folder, folder)
                 if file.relative_to(folder).parts[0] not in READ_BY_PEOPLE
             }
         elif path.is_dir():
-            files |= set(path.rglob("*.py"))
-        elif path.suffix == ".py" and path.is_file():
+            files |= _below(folder, path)
+        elif path.is_file() and (path.suffix == ".py" or is_c(path.name)):
             files.add(path)
         else:
             raise ValueError(f"'{each}' is not 'core', a package of {PACKAGE}/ or a file in it")
     return sorted(files)
+
+
+def _below(package: Path, folder: Path) -> set[Path]:
+    parts = (file for part in PARTS_IN_C for file in (package / part).glob("*.[ch]"))
+    return {*folder.rglob("*.py"), *(file for file in parts if file.is_relative_to(folder))}
 
 
 class Record:
@@ -352,6 +427,9 @@ class Record:
         return [test for turn in turns for *_, test in sorted(turn)]
 
     def _reaching(self, mutant: Mutant) -> set[str]:
+        if is_c(mutant.file):
+            module = f"{PACKAGE}/{PARTS_IN_C[Path(mutant.file).parent.relative_to(PACKAGE).as_posix()]}"
+            return self._executing(module, _of_functions((self.root / module).read_text()))
         source = (self.root / mutant.file).read_text()
         place = place_of(source, mutant.line)
         if place.lines:
@@ -359,7 +437,7 @@ class Record:
             return found or self._beginning_with(TESTED_IN.get(mutant.package, ()))
         names = _derived(source, place.names)
         reading = self._reading(mutant.file, names)
-        for file in (mutant.file, *(_name(self.root, each) for each in _files(self.root, ()))):
+        for file in (mutant.file, *(_name(self.root, each) for each in self.root.glob(f"{PACKAGE}/**/*.py"))):
             lines = _mentions((self.root / file).read_text(), names)
             if found := self._executing(file, lines):
                 return found | reading
@@ -570,6 +648,8 @@ class Workshop:
                     break
                 chosen.append(test)
         with made(self.copy, mutant):
+            if is_c(mutant.file) and self._start([sys.executable, "-c", COMPILE], {}, COMPILE_S):
+                return Fate(mutant, COMPILER, 0, len(reaching))
             ran = self.run(chosen, "-x")
         return Fate(mutant, ran.failed[0] if ran.failed else "", ran.passed, len(reaching))
 
@@ -655,14 +735,18 @@ class Workshop:
 
 @contextmanager
 def made(root: Path, mutant: Mutant) -> Iterator[None]:
-    """Keep the mutant in its file while the block runs; then the file is as it was, its date too."""
+    """Keep the mutant in its file while the block runs; then the file is as it was, its date too, and the
+    library beside it."""
     file = root / mutant.file
     source, dates = file.read_bytes(), file.stat()
+    libraries = {each: each.read_bytes() for each in file.parent.glob("lib*.so")} if is_c(mutant.file) else {}
     try:
         file.write_bytes(source[: mutant.start] + mutant.new.encode() + source[mutant.end :])
         yield
     finally:
         file.write_bytes(source)
+        for library, compiled in libraries.items():
+            library.write_bytes(compiled)
         for each in file.parent.glob(f"__pycache__/{file.stem}.*.pyc"):
             each.unlink()
         os.utime(file, ns=(dates.st_atime_ns, dates.st_mtime_ns))
