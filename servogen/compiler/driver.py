@@ -42,6 +42,7 @@ from servogen.compiler.sema.call_graph import CallGraph, call_graph, check_calls
 from servogen.compiler.sema.checks import check_program
 from servogen.compiler.sema.translation_unit import analyse
 from servogen.errors import Diagnostic, InputError, Location, SourceLines, did_you_mean
+from servogen.graph import reached
 from servogen.pic.device import CONFIG_WATCHDOG_ON, Device
 from servogen.pic.image import Image
 from servogen.pic.listing import Listing
@@ -187,7 +188,7 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
     # before delays are expanded: one may become a call only where a level of the stack is free
     room = check_stack(functions, arrangement.roots, reporter)
     reporter.stop_on_error()
-    in_interrupt = reached(functions, arrangement.roots[1:])
+    in_interrupt = functions_called(functions, arrangement.roots[1:])
     expand_delays(functions, room, in_interrupt)
     manager.finished_all("delays", functions)
     # last, since expanding delays adds counters to the functions' frames
@@ -201,7 +202,7 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
         analysis.program.eeprom,
         analysis.program.ids,
     )
-    in_main = reached(functions, arrangement.roots[:1])
+    in_main = functions_called(functions, arrangement.roots[:1])
     times = function_times(layout, functions, main=in_main, interrupt=in_interrupt)
     return Compilation(
         image,
@@ -287,24 +288,14 @@ def _read(
     return preprocessed, rewrite_tokens(preprocessed.tokens, blocks, reporter, number * 1000)
 
 
-def reached(functions: dict[str, Function], roots: list[str]) -> set[str]:
+def functions_called(functions: dict[str, Function], roots: list[str]) -> set[str]:
     """Return the functions that the roots call, directly or indirectly, including the roots."""
-    reached_names = set(roots)
-    waiting = list(roots)
-    while waiting:
-        more = [
-            name
-            for name in functions[waiting.pop()].calls()
-            if name in functions and name not in reached_names
-        ]
-        reached_names.update(more)
-        waiting += more
-    return reached_names
+    return set(reached(roots, lambda name: filter(functions.__contains__, functions[name].calls())))
 
 
 def drop_unused(functions: dict[str, Function], roots: list[str]) -> None:
     """Remove the functions and routines that nothing calls any more."""
-    wanted = reached(functions, roots)
+    wanted = functions_called(functions, roots)
     for name in [
         name
         for name, function in functions.items()

@@ -570,11 +570,7 @@ class _Walk:
 
     def explore(self, start: _State) -> None:
         """Follow every path from a state to the ends."""
-        waiting = [self._number(start)]
-        while waiting:
-            number = waiting.pop()
-            if number in self.edges:
-                continue
+        for number in reached([self._number(start)], self._followers):
             if len(self.edges) >= self.limit:
                 self.complete = False
                 return
@@ -583,7 +579,9 @@ class _Walk:
                 (minimum, maximum, None if after is None else self._number(self._kept(after)))
                 for minimum, maximum, after in self.turns(state) or self._run(state)
             ]
-            waiting += [after for _, _, after in self.edges[number] if after is not None]
+
+    def _followers(self, number: int) -> list[int]:
+        return [after for _, _, after in self.edges[number] if after is not None]
 
     def known_places(self) -> set[int]:
         """Return the places whose values are known in some state."""
@@ -605,9 +603,7 @@ class _Walk:
         # Without a cycle every state has finitely many paths to the end, so both extremes come from one pass
         # over the states, each after its followers.
         if self.complete and not self.reasons:
-            order = bottom_up(
-                0, lambda number: [after for _, _, after in self.edges[number] if after is not None]
-            )
+            order = bottom_up(0, self._followers)
             if order is not None:
                 return self._times_without_loops(order)
         shortest = self._shortest()

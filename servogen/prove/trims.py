@@ -19,6 +19,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from servogen.graph import reached
 from servogen.pic.device import EEPROM_BYTES
 from servogen.prove.chip import (
     ALL_UNKNOWN,
@@ -126,20 +127,20 @@ class TrimProof:
 
     def prove(self, starts: Iterable[ChipState]) -> TrimResult:
         """Return what is proven of all runs from `starts`. Raises UndecidedTrims, WrongEdge."""
-        waiting = [_State(start.ram, start.rest, tables={}, times=(0,)) for start in starts]
-        steps = 0
-        while waiting:
-            state = waiting.pop()
-            steps += 1
-            if steps > MAX_STEPS:
+        states = [_State(start.ram, start.rest, tables={}, times=(0,)) for start in starts]
+        for steps, _ in enumerate(reached(states, self._followers, is_new=lambda state: True)):
+            if steps == MAX_STEPS:
                 raise UndecidedTrims(f"more than {MAX_STEPS} steps")
-            waiting += [settled for following in self._step(state) for settled in self._unvisited(following)]
         trims = self._pulses.trims
         if len(set(trims.values())) < len(trims):
             raise UndecidedTrims("two channels have their trims in one byte of the EEPROM")
         return TrimResult(trims, self._runs, len(self._pulses.played), frozenset(self._written))
 
     # from stop to stop
+
+    def _followers(self, state: _State) -> list[_State]:
+        """Return the states at the next addresses of interest that were not there before."""
+        return [settled for following in self._step(state) for settled in self._unvisited(following)]
 
     def _step(self, state: _State) -> list[_State]:
         """Return the states at the next addresses of interest."""

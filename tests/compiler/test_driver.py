@@ -96,9 +96,9 @@ def program() -> dict[str, Function]:
 def test_what_a_root_reaches() -> None:
     """Through calls and jumps, also in a circle; what is no function of the program does not count."""
     found = program()
-    assert driver.reached(found, ["main"]) == {"main", "a", "b", "c"}
-    assert driver.reached(found, ["b", "d"]) == {"b", "d", "e"}
-    assert driver.reached(found, []) == set()
+    assert driver.functions_called(found, ["main"]) == {"main", "a", "b", "c"}
+    assert driver.functions_called(found, ["b", "d"]) == {"b", "d", "e"}
+    assert driver.functions_called(found, []) == set()
 
 
 def test_what_nothing_reaches_is_dropped_except_the_reset_vector_and_the_data_of_tables() -> None:

@@ -18,6 +18,7 @@ from servogen.compiler.codegen.program import ProgramGenerator
 from servogen.compiler.codegen.tables import add_tables, pointed_to
 from servogen.compiler.ir.function import ISR_SUFFIX, Function, Line
 from servogen.compiler.ir.instruction import FSR, INDF, PCLATH, STATUS, TARGETED, Byte, Instruction, Label, Z
+from servogen.graph import reached
 from servogen.pic.device import INTERRUPT_VECTOR, PROGRAM_WORDS
 
 RESET, START = "__reset", "__start"
@@ -151,21 +152,16 @@ def used_statics(statics: list[Symbol], functions: dict[str, Function]) -> list[
     """Return the variables that an instruction refers to, or that the initial value of a used variable or
     constant refers to; those that start as zero come first, those that are not initialised last.
     """
-    named: set[Symbol] = set()
-    waiting: list[Symbol] = []
+    in_code: list[Symbol] = []
     for function in functions.values():
         for ins in function.instructions():
             if isinstance(ins.f, Byte):
-                waiting.append(ins.f.symbol)
+                in_code.append(ins.f.symbol)
             if isinstance(ins.k, AddressByte):
-                waiting.append(ins.k.symbol)
+                in_code.append(ins.k.symbol)
             if ins.table is not None:
-                waiting.append(ins.table)
-    while waiting:
-        symbol = waiting.pop()
-        if symbol not in named:
-            named.add(symbol)
-            waiting += pointed_to(symbol)
+                in_code.append(ins.table)
+    named = set(reached(in_code, pointed_to))
     used = [symbol for symbol in statics if symbol in named or symbol.kind == "fixed"]
     return sorted(used, key=lambda symbol: (symbol.persistent, bool(symbol.initial)))
 

@@ -125,7 +125,8 @@ def playing(
         except InputError:  # no time, or no room, for knees
             break
         played = min(played, other, key=lambda each: each.plan.schedule.plan_error_us)
-    return played
+    warnings = warnings_of(played.trajectory, servos, frame, played.layout)
+    return replace(played, plan=replace(played.plan, warnings=warnings))
 
 
 def _played(
@@ -153,11 +154,7 @@ def _played(
     pulses = np.where(encoded.silent[:, None], NO_PULSE, encoded.widths)
     error = plan_error_of(played, servos, encoded.widths, ideal, clock)
     schedule = schedule_of(played, servos, slots.period, pulses, rises, error)
-    plan = PulsePlan(
-        schedule,
-        tuple(rows_of(servos, encoded.widths, ideal, clock)),
-        warnings_of(played, servos, frame, slots),
-    )
+    plan = PulsePlan(schedule, tuple(rows_of(servos, encoded.widths, ideal, clock)), ())
     return Playing(played, plan, slots, encoded)
 
 

@@ -278,7 +278,10 @@ class _Part:
         price += columns
         for law in ("straight", *laws):
             # Most ends have a step that is as cheap, from an earlier frame or by another law.
-            for end in self._reached(first, ends[price < cost[ends, REACHED]], law):
+            ends = ends[price < cost[ends, REACHED]]
+            if not len(ends):
+                return
+            for end in self._reached(first, ends, law):
                 cost[end, REACHED] = price
                 yield end, REACHED, law
 

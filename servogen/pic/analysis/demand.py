@@ -71,6 +71,8 @@ class Graph:
 
     def demanded(self, uses: Mapping[Node, int]) -> dict[Node, int]:
         """Return, for each node, the places from which those are made that are used later, as bit sets."""
+        # Backwards to the fixed point, so a node comes back as often as its set grows: no search of what is
+        # reached. One that waits already is not queued again.
         demanded: dict[Node, int] = {}
         waiting = list(self._visits)
         queued = set(waiting)

@@ -384,6 +384,7 @@ class PathExplorer:
 
         self._reach, self._interruptible = reach, interruptible
         reach(address, stack, state.copy())
+        # To the fixed point, not a search of what is reached: a state comes back as often as it grows.
         while waiting:
             address, stack, state = waiting.popleft()
             pending.discard(id(state))

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from functools import cached_property, reduce
 from operator import or_
 
+from servogen.graph import reached
 from servogen.pic.analysis.paths import Paths, in_memory
 from servogen.pic.analysis.state import INTCON, T0IE
 from servogen.pic.analysis.values import Value
@@ -170,32 +171,29 @@ class ProgramTimes:
         """Return whether T0IF is clear on every path through the interrupt, because the path clears it, or
         has found it clear.
         """
-        seen: set[int] = set()
-        waiting = [INTERRUPT_VECTOR]
-        while waiting:
-            address = waiting.pop()
-            if address in seen or address not in self._words:
-                continue
-            seen.add(address)
-            try:
-                word = word_of(self._words[address])
-            except Undefined:
-                return False
-            of_flag = (word.f, word.b) == (INTCON, T0IF_BIT)
-            # This path has cleared the flag; what follows on it does not matter.
-            if word.name == "BCF" and of_flag:
-                continue
-            if word.flow == "return":
-                return False
-            if word.writes_pcl:
-                waiting += self._paths.computed.get(address, ())
-                continue
-            # The way that is taken if the flag is clear needs not clear it.
-            if not (word.name == "BTFSS" and of_flag):
-                waiting += [word.k] if word.flow in ("jump", "call") else [address + 1]
-            if word.flow == "skip" and not (word.name == "BTFSC" and of_flag):
-                waiting.append(address + 2)
-        return True
+        passed = reached([INTERRUPT_VECTOR], self._with_flag_set)
+        try:
+            return all(word_of(self._words[each]).flow != "return" for each in passed if each in self._words)
+        except Undefined:
+            return False
+
+    def _with_flag_set(self, address: int) -> Iterable[int]:
+        """Return where an instruction leads, unless it clears T0IF or finds it clear. Raises Undefined."""
+        if address not in self._words:
+            return ()
+        word = word_of(self._words[address])
+        of_flag = (word.f, word.b) == (INTCON, T0IF_BIT)
+        if word.name == "BCF" and of_flag:
+            return ()
+        if word.writes_pcl:
+            return self._paths.computed.get(address, ())
+        after = [word.k] if word.flow in ("jump", "call") else [address + 1]
+        if word.flow != "skip":
+            return after
+        # The other way is taken if the flag is clear.
+        if word.name == "BTFSS" and of_flag:
+            return [address + 2]
+        return after if word.name == "BTFSC" and of_flag else [*after, address + 2]
 
     def _overflow_period(self) -> tuple[int | None, str]:
         """Return the number of cycles between two overflows of TMR0, the minimum or, if the interrupt adds to
