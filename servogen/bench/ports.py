@@ -57,16 +57,17 @@ class Port:
     def read(self, most: int, seconds: float) -> bytes:
         """Return what arrives within `seconds`, at most `most` bytes, as soon as there are any.
 
-        Raises Unplugged.
+        After that it is looked once more: this process may not have had a turn meanwhile. Raises Unplugged.
         """
         end = time.monotonic() + seconds
         while True:
+            over = time.monotonic() >= end
             try:
                 self.line.timeout = POLL_S
                 data: bytes = self.line.read(max(1, min(most, self.line.in_waiting)))
             except (OSError, TypeError) as error:  # TypeError: pyserial's, where the port closes under it
                 raise self.unplugged() from error
-            if data or time.monotonic() >= end:
+            if data or over:
                 return data
 
     def read_whole(self, count: int, seconds: float) -> bytes:

@@ -104,6 +104,8 @@ class Window:
     """What ends a check or a build that goes on for this window."""
     debugging: Debugging | None = None
     """The editor that is attached."""
+    place: Mapping[str, Any] = field(default_factory=dict)
+    """Where its page was on a server that has ended: the cycle and the breakpoints."""
 
     @property
     def alive(self) -> bool:
@@ -204,17 +206,20 @@ class Room:
         self._theorem = {"is": "theorem", "text": ""}
         self._say({"is": "status", "text": ""})
         for window in self._windows.values():
-            window.session = self._session(window.session, subject)
-            self._send(window, window.session.model())
-            self._send(window, window.session.shown())
+            self._present(window, self._session(window.session, subject, window.place))
         self._begin(self._find_theorem(subject))
         self._begin(self._learn(subject))
 
-    def _session(self, before: WatchSession | None, subject: Subject) -> WatchSession:
-        """Return a session of the subject at the moment of another one, or at its own first."""
+    def _session(
+        self, before: WatchSession | None, subject: Subject, place: Mapping[str, Any]
+    ) -> WatchSession:
+        """Return a session of the subject at the moment of another one, at a place, or at its own first."""
         if before is not None:
             return self._showing(before, subject, before.subject.shown)
-        return WatchSession(subject, self._live, self._repetition, learning=self._learning)
+        session = WatchSession(subject, self._live, self._repetition, learning=self._learning)
+        if place.get("cycle"):
+            session.come_back(place)
+        return session
 
     def _showing(self, before: WatchSession, subject: Subject, chip: int) -> WatchSession:
         """Return a session of one chip of the subject at the moment of another one.
@@ -231,9 +236,13 @@ class Room:
         if self._subject is None or self._subject.pair is None or chip not in (1, 2):
             self._send(window, {"is": "problem", "text": f"there is no chip {str(chip)[:40]}"})
             return
-        window.session = self._showing(session, self._subject, 0 if chip == 1 else 1)
-        self._send(window, window.session.model())
-        self._send(window, window.session.shown())
+        self._present(window, self._showing(session, self._subject, 0 if chip == 1 else 1))
+
+    def _present(self, window: Window, session: WatchSession) -> None:
+        """Show a session in a window: what stays the same, then its moment or how far the way to it is."""
+        window.session = session
+        self._send(window, session.model())
+        self._send(window, session.there())
 
     def _say(self, message: Message) -> None:
         self._status = message
@@ -344,16 +353,14 @@ class Room:
     ) -> Window:
         """Return the window of that name as it was; a new one where none is, or where it is open already.
 
-        A window of a server that has ended comes back at its `place`: the cycle and the breakpoints.
+        A window of a server that has ended comes back at its `place`, also where nothing is loaded yet.
         """
         window = self._windows.get(name)
         if window is None or window.socket is not None:
-            session = (
-                self._session(window.session if window else None, self._subject) if self._subject else None
-            )
-            if window is None and session is not None and place.get("cycle"):
-                session.come_back(place)
-            window = Window(session)
+            before, place = (None, place) if window is None else (window.session, {})
+            window = Window(place=place)
+            if self._subject is not None:
+                window.session = self._session(before, self._subject, place)
             name = secrets.token_urlsafe(12)
         self._windows[name] = self._windows.pop(name, window)  # the last one opened is the last one
         window.socket = socket
@@ -363,8 +370,7 @@ class Room:
         if self._editor is not None:
             self._send(window, self._editor.opened())
         if window.session is not None:
-            self._send(window, window.session.model())
-            self._send(window, window.session.shown())
+            self._present(window, window.session)
             self._send(window, self._theorem)
         return window
 

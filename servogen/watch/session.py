@@ -565,7 +565,11 @@ class WatchSession:
 
     def _do_seek(self, message: Mapping[str, Any]) -> Iterator[Message]:
         self._go(int(message["cycle"]))
-        yield self.shown() if self._way is None else self._proceed(0)
+        yield self.there()
+
+    def there(self) -> Message:
+        """Return the moment; on the way to it, how much of that is done."""
+        return self.shown() if self._way is None else self._proceed(0)
 
     def _do_breakpoint(self, message: Mapping[str, Any]) -> Iterator[Message]:
         """Add or remove one breakpoint: a window that sent them all could undo what it has not yet seen."""

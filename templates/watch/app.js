@@ -66,8 +66,8 @@ class Page {
   }
   listen() {
     const click = (id, action) => byId(id).addEventListener("click", action);
-    click("zoom-in", () => this.waves.zoom(0.5, this.latest.cycle));
-    click("zoom-out", () => this.waves.zoom(2, this.latest.cycle));
+    click("zoom-in", () => this.waves.zoom(0.5, this.latest?.cycle));
+    click("zoom-out", () => this.waves.zoom(2, this.latest?.cycle));
     click("which", () => {
       this.waves.which = 1 - this.waves.which;
       write(byId("which"), this.waves.which ? "cursor B" : "cursor A");
@@ -260,7 +260,7 @@ class Page {
       emergency: "emergency", walk: "walk", pin: "pin", high: "pin-high", low: "pin-low", free: "pin-free",
     }), this.send, {
       record: angles => this.send({ do: "record", text: this.editor.text, angles }),
-      walk: way => { this.send({ do: "walk", way }); if (!this.latest.running) this.moment.run(true); },
+      walk: way => { this.send({ do: "walk", way }); if (!this.latest?.running) this.moment.run(true); },
       shown: angles => { this.handPose = angles; this.picture(); },
     });
     this.serial = new Console(model, places({
@@ -341,7 +341,7 @@ class Page {
     this.hands?.pose(pose.angles);
     if (this.links.line(index)) this.editor.reveal(this.links.line(index));
     const begin = this.links.next(index, this.waves?.begin ?? 0);
-    if (begin !== null && begin <= this.latest.reach && !this.latest.running) {
+    if (begin !== null && begin <= this.latest?.reach && !this.latest.running) {
       const span = this.waves.end - this.waves.begin;
       this.waves.show(begin - span / 8, begin + span * 7 / 8);
     }

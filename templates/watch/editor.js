@@ -149,8 +149,9 @@ export class Editor {
     this.places.build.disabled = this.sent === null ? !this.good : !this.stoppable;
     write(this.places.build, this.stoppable ? "stop" : "build");
   }
+  // What was sent is on the disk; null: it was sent over a line that has ended, and is read again.
   stored(text) {
-    this.saved = text;
+    if (text !== null) this.saved = text;
     this.mark();
   }
   checked(message) {

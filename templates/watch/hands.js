@@ -18,6 +18,7 @@ export class Hands {
     this.servos = model.robot ? model.robot.servos : [];
     this.angles = this.servos.map(servo => servo.neutral);
     this.touched = false;
+    this.waiting = new Map();   // the newest position of each servo that its line is too busy for
     this.ended = new AbortController();   // takes its listeners off the parts of the page that stay
     this.pressed = new Map();   // the buttons that are held down: what lets each go
     for (const name of ["sliders", "buttons", "emergency", "walk", "pin"]) places[name].replaceChildren();
@@ -31,7 +32,7 @@ export class Hands {
   on(place, event, action) { place.addEventListener(event, action, { signal: this.ended.signal }); }
   end() {
     for (const up of [...this.pressed.values()]) up();
-    this.waiting?.clear();
+    this.waiting.clear();
     this.ended.abort();
   }
   sliders() {
@@ -85,17 +86,16 @@ export class Hands {
   }
   // Send the newest position of a servo, no more often than its line carries one.
   command(index, position) {
-    this.waiting ||= new Map();
-    const idle = !this.waiting.size;
     this.waiting.set(index, position);
-    if (!idle) return;
+    if (this.busy) return;
     const next = () => {
-      if (!this.waiting.size) return;
+      this.busy = this.waiting.size > 0;
+      if (!this.busy) return;
       for (const [servo, value] of this.waiting) this.send({ do: "servo", servo, position: value });
       this.waiting.clear();
       setTimeout(next, COMMAND_MS);
     };
-    setTimeout(next, 0);
+    next();
   }
   // Put the sliders where the pulses are, until a hand has moved one.
   follow(widths) {

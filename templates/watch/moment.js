@@ -40,6 +40,7 @@ export class Moment {
     click("run", () => this.run(!this.latest?.running));
     click("begin", () => send({ do: "seek", cycle: 0 }));
     click("difference", () => this.difference());
+    byId("difference").disabled = true;   // until there is something to compare
     for (const what of STEPS) {
       click(`back-${what}`, () => send({ do: "step", what, count: -1 }));
       click(`next-${what}`, () => send({ do: "step", what, count: 1 }));

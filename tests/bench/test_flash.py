@@ -169,9 +169,24 @@ def test_picpro_waits_for_a_reset_only_where_a_line_resets(lacks_dtr: bool, wait
 
 
 @picpro
-def test_an_empty_socket_is_told(run: Run, program: Path, serve: Serve) -> None:
+def test_an_empty_socket_is_told(
+    run: Run, program: Path, serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The time that picpro has is over as soon as it waits for a chip."""
+    rest, seen = subprocess.Popen.communicate, ""
+
+    def until_it_waits(self: subprocess.Popen[str], timeout: float | None = None) -> tuple[str, None]:
+        nonlocal seen
+        assert self.stdout is not None
+        while timeout is not None:
+            seen += self.stdout.read(1)
+            if "insert chip" in seen:
+                raise subprocess.TimeoutExpired(self.args, timeout)
+        return seen + rest(self)[0], None
+
+    monkeypatch.setattr(subprocess.Popen, "communicate", until_it_waits)
     port = serve({"programmer": programmer(no_chip=True)}).paths["programmer"]
-    done = run("flash", program, "--programmer", "picpro", "--port", port, "--timeout", 3)
+    done = run("flash", program, "--programmer", "picpro", "--port", port)
     assert done.code == 3
     assert "no chip in the programmer's socket" in done.err
 

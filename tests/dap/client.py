@@ -17,7 +17,7 @@ from dap.handler import Handler
 
 from servogen.dap import DebugSession, Messages, serve
 
-PATIENCE_S = 60
+PATIENCE_S = 300
 WAIT = 2000
 """Messages after which an expected one counts as missing."""
 

@@ -74,7 +74,7 @@ def exchanged() -> str:
         look("turns")
     section("The end")
     editor.close()
-    assert process.wait(20) == 0
+    assert process.wait(300) == 0
     section("")
     return "\n".join(parts).rstrip() + "\n"
 

@@ -186,12 +186,12 @@ def test_an_editor_that_reads_nothing_is_disconnected_and_its_session_ends() -> 
         place = url.removeprefix("http://")
         origin = Origin(f"http://{place.partition('/')[0]}")
         with connect(f"ws://{place}dap", origin=origin, close_timeout=0.1):
-            send = sends.get(timeout=30)
+            send = sends.get(timeout=300)
             for _ in range(300):
                 send({"text": "x" * 200_000})
                 if gone.wait(0.001):
                     break
-            assert gone.wait(1), "60 MB wait for it"
+            assert gone.wait(300), "60 MB wait for it"
 
 
 def test_a_page_whose_server_is_killed_ends_the_session() -> None:

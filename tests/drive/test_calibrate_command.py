@@ -89,7 +89,7 @@ def test_a_servo_is_moved_and_its_angles_are_asked_for(start: Start, serial: Ser
     out, err = process.communicate(timeout=300)
     assert process.returncode == 0, err
     assert "'ninety' is not a number of degrees" in err
-    assert serial.decoder.positions == {0: middle}, "it ends in the neutral pose"
+    serial.wait_for(lambda decoder: decoder.positions == {0: middle})  # it ends in the neutral pose
     assert all(least <= number <= most for _, number in serial.decoder.moves), "its limits are never passed"
     assert "3 of 3, 1996.1 µs: what do you see" in out
     assert (job.with_name("a.png")).read_bytes().startswith(b"\x89PNG")

@@ -27,6 +27,8 @@ FLAGS = (
     *("--disable-background-networking", "--disable-component-update", "--disable-sync", "--mute-audio"),
     *("--remote-debugging-port=0", "--disable-extensions", "--hide-scrollbars"),
 )
+GOES = ("navigated", "execution context")
+"""What Chromium answers to a script whose page goes before it has run."""
 WAIT_S = 300.0
 """Only what hangs waits so long."""
 
@@ -139,7 +141,18 @@ class Page:
 
     def open(self, url: str) -> None:
         self.call("Page.navigate", url=url)
-        wait(lambda: self.run("document.readyState") == "complete" and self.run("location.href") == url)
+        self.arrives(url)
+
+    def arrives(self, url: str, ready: str = "true") -> None:
+        """Wait until the tab shows the page at a URL and a script finds it ready."""
+        there = f"document.readyState === 'complete' && location.href === {json.dumps(url)}"
+        wait(lambda: bool(self.looked(f"{there} && !!({ready})")))
+
+    def reload(self, ready: str) -> None:
+        """Load the page again and wait until a script finds the new one ready."""
+        self.run("window.before = true")  # the page that goes, which may still answer
+        self.call("Page.reload")
+        self.until(f"!window.before && {ready}")
 
     def run(self, script: str) -> Any:
         """Return what a script evaluates to."""
@@ -148,17 +161,21 @@ class Page:
             raise RuntimeError(f"{script}: {found['exceptionDetails']['exception'].get('description')}")
         return found["result"].get("value")
 
+    def looked(self, script: str) -> Any:
+        """Return what a script evaluates to, None where the page goes meanwhile."""
+        try:
+            return self.run(script)
+        except RuntimeError as error:
+            if not any(text in str(error).lower() for text in GOES):
+                raise
+            return None
+
     def until(self, script: str) -> Any:
         """Wait until a script evaluates to something true, and return it."""
         found: list[Any] = []
 
         def true() -> bool:
-            try:
-                found[:] = [self.run(f"typeof watched === 'undefined' ? false : ({script})")]
-            except RuntimeError as error:
-                if "navigated" not in str(error):
-                    raise
-                return False  # the page was just loaded again
+            found[:] = [self.looked(f"typeof watched === 'undefined' ? false : ({script})")]
             return bool(found[0])
 
         try:

@@ -51,7 +51,7 @@ class Running:
 
     def stop(self) -> None:
         self._loop.call_soon_threadsafe(self._task.cancel)
-        self._thread.join(10)
+        self._thread.join(300)
         assert not self._thread.is_alive()
 
     @property
@@ -77,6 +77,7 @@ class Running:
             f"ws://{self.host}/{self.token if token is None else token}/{room}socket",
             additional_headers={name: value for name, value in asked.items() if value},
             proxy=None,
+            open_timeout=300,
         )
 
     def handshake(self, room: str = "", socket: str = "socket", **headers: str) -> int:

@@ -212,7 +212,8 @@ def test_a_program_is_at_the_moment_of_its_film_when_it_is_opened(
         model = status(socket)
         assert model["name"] == "ana/main.c" and not model["poses"]
         assert [servo["name"] for servo in model["robot"]["servos"]] == ["arm"]
-        now = json.loads(socket.recv(timeout=300))
+        while (now := json.loads(socket.recv(timeout=300)))["is"] == "going":
+            pass
         assert now["cycle"] - film.moment_us in (0, 1)  # 1 µs a cycle
         socket.send(json.dumps({"do": "save", "text": "x"}))
         assert "only a job file" in json.loads(socket.recv(timeout=300))["text"]
@@ -258,6 +259,7 @@ def test_only_some_programs_are_loaded_at_a_time(running: Running, monkeypatch: 
         with running.socket(room="watch/1/") as second:
             second.send(json.dumps({"window": ""}))
             assert "1 programs are open: close one" in status(second)["text"]
+    wait(lambda: not running.server._rooms["watch/0"].watched)
     with running.socket(room="watch/1/") as again:
         again.send(json.dumps({"window": ""}))
         assert status(again)["name"] == "dan/main.c"
@@ -271,7 +273,7 @@ def test_a_click_opens_a_students_program_where_it_is_wrong(
     tab.open(running.server.url)
     tab.click("tr:nth-child(2) td:nth-child(4) a")
     film = f"{running.server.url}{quote('ana+main.c.html', safe='%')}"
-    wait(lambda: tab.run("location.href + (typeof film)") == f"{film}object")
+    tab.arrives(film, "typeof film === 'object'")
     tab.click("#watch")
     opened = browser.adopt(f"{running.server.url}watch/0/")
     opened.until("!document.getElementById('views').hidden && watched.latest && watched.waves.data")
@@ -297,11 +299,11 @@ def test_a_click_opens_a_students_program_where_it_is_wrong(
     opened.click("#difference")
     opened.until(f"Math.abs(watched.latest.cycle - {begin}) < 3")
     opened.click("#to-film")
-    wait(lambda: opened.run("location.href + (typeof film)") == f"{film}object")
+    opened.arrives(film, "typeof film === 'object'")
     opened.open(f"{running.server.url}watch/1/")
     opened.until("document.getElementById('verdict').textContent === 'passed'")
     opened.click("#graded a")
-    wait(lambda: opened.run("location.href") == running.server.url)
+    opened.arrives(running.server.url)
     for page in (tab, opened):
         assert page.problems == []
         addresses = [each for each in page.requests if not each.startswith("data:")]
@@ -321,7 +323,7 @@ def test_what_students_wrote_stays_text_in_every_page(running: Running, browser:
         ),
     ):
         tab.call("Page.navigate", url=f"{running.server.url}{name}")
-        wait(lambda: bool(tab.run(f"document.readyState === 'complete' && !!({ready})")))  # noqa: B023
+        tab.arrives(f"{running.server.url}{name}", ready)
         assert tab.run("typeof window.hacked") == "undefined", name
         assert "<img src=x" in tab.run("document.body.textContent"), name
         assert tab.run("document.querySelectorAll('img').length") == 0
@@ -340,7 +342,7 @@ def test_axe_finds_nothing(running: Running, browser: Browser, dark: bool) -> No
         tab = browser.page(dark=dark)
         tab.call("Page.setBypassCSP", enabled=True)
         tab.call("Page.navigate", url=f"{running.server.url}{name}")
-        wait(lambda: bool(tab.run(f"document.readyState === 'complete' && !!({ready})")))  # noqa: B023
+        tab.arrives(f"{running.server.url}{name}", ready)
         assert violations(tab) == []
         tab.close()
 

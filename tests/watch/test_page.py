@@ -403,9 +403,7 @@ def test_bodies_follow_the_chip_forwards_backwards_and_into_its_emergency_stop(
     go(page, 4_000_000)
     stopped = bodies(page)
     assert stopped[0] < begin[0] + 20 and stopped[2] < begin[2] - 5
-    page.run("window.before = true")  # the page that goes, which may still answer
-    page.call("Page.reload")
-    page.until("!window.before && watched.latest && document.getElementById('twin-show')?.checked")
+    page.reload("watched.latest && document.getElementById('twin-show')?.checked")
     assert bodies(page) == stopped
     page.click("#twin-show")
     page.until("document.getElementById('twin-text').textContent === '' && !watched.robot.bodies")
@@ -559,14 +557,14 @@ def test_a_window_keeps_its_place_when_it_is_loaded_again(watch: Open) -> None:
     page.until("watched.waves.data.begin >= 60000 && watched.waves.end - watched.waves.begin === 10000")
     page.run("watched.waves.place(0, 72000); watched.waves.place(1, 74000)")
     here = page.run("watched.latest.cycle")
-    page.call("Page.reload")
-    page.until(f"watched.latest?.cycle === {here}")
-    page.until("watched.waves?.begin === 70000 && watched.waves.end === 80000 && !!watched.waves.data")
+    page.reload(f"watched.latest?.cycle === {here} && !!watched.waves.data")
+    assert page.run("[watched.waves.begin, watched.waves.end]") == [70_000, 80_000]
     assert page.run("watched.waves.cursors") == [72_000, 74_000]
 
 
 def test_the_keyboard_alone_suffices(watch: Open) -> None:
     page = watch(LAB8)
+    page.until("!document.getElementById('build').disabled")  # the text is planned: its controls are there
     page.press("f")
     page.until("watched.latest.cycle >= 20000")
     page.press("n")

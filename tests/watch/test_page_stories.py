@@ -209,6 +209,7 @@ def test_what_asks_for_a_click_stays_where_it_is_when_the_plan_comes(watch: Open
     place = (
         "(b => [b.x, b.y])(document.querySelector('#job-conflict button:last-child').getBoundingClientRect())"
     )
+    page.until("!document.getElementById('save').disabled")
     page.run(
         "(check => { watched.editor.check = () => { watched.held = check; }; })"
         "(watched.editor.check.bind(watched.editor))"

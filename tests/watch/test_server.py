@@ -281,6 +281,27 @@ def test_an_old_window_is_forgotten_only_after_many() -> None:
         served.stop()
 
 
+def test_a_window_of_a_server_that_has_ended_comes_back_also_before_anything_is_loaded() -> None:
+    go = threading.Event()
+
+    def load(progress: Callable[[str], None]) -> Subject:
+        assert go.wait(300)
+        return hex_subject(progress)
+
+    served = Running(load)
+    try:
+        with served.socket() as socket:
+            place = {"window": "of the other server", "cycle": 123_456, "breakpoints": ["RB0 rise"]}
+            socket.send(json.dumps(place))
+            assert messages(socket, "status")
+            go.set()
+            now = messages(socket, "now")[-1]
+            assert now["cycle"] in (123_456, 123_457) and now["breakpoints"] == ["RB0 rise"]
+    finally:
+        go.set()
+        served.stop()
+
+
 @pytest.mark.campaign
 def test_two_hundred_windows_leave_nothing_behind() -> None:
     """Each has its chip with snapshots while it is open; afterwards a few are kept that may be reloaded."""
@@ -589,7 +610,9 @@ def test_it_is_said_what_is_proven_and_a_far_moment_is_near_once_the_repetition_
     try:
         with served.socket() as socket:
             opened(socket)
-            assert messages(socket, "theorem")[-1]["text"].startswith("all runs: ")
+            while not (text := messages(socket, "theorem")[-1]["text"]):
+                pass  # it is not known yet
+            assert text.startswith("all runs: ")
             for hour in (20, 47, 3):
                 moment = hour * 3600 * 10**6
                 socket.send(json.dumps({"do": "seek", "cycle": moment}))

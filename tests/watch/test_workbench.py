@@ -72,9 +72,7 @@ def test_chip_and_hands_are_docked_below_or_beside(watch: Open, tmp_path: Path) 
     assert box(page, "#tools")[1] >= box(page, "#text-area")[3]
     page.click("#dock")
     assert box(page, "#tools")[0] >= box(page, "#seen")[2]
-    page.run("window.before = true")  # the page that goes, which may still answer
-    page.call("Page.reload")
-    page.until("!window.before && watched.latest && watched.waves?.data")
+    page.reload("watched.latest && watched.waves?.data")
     assert box(page, "#tools")[0] >= box(page, "#seen")[2], "as it was left"
     page.click("#dock")
 
@@ -330,9 +328,10 @@ def test_a_server_that_has_ended_is_unmistakable_and_found_again_at_the_same_pla
     assert f"servogen watch lab8-exercise.toml --at-cycle {here}" in said
     assert not page.run("document.getElementById('link').hidden")
     assert page.run("document.getElementById('views').inert && document.getElementById('time').inert")
+    page.run("watched.latest = null")
     again = served(first.server.port, first.token)
     try:
-        back = f"!document.body.classList.contains('gone') && watched.latest.cycle === {here}"
+        back = f"!document.body.classList.contains('gone') && watched.latest?.cycle === {here}"
         page.until(f"{back} && watched.latest.breakpoints.join() === 'RB0 rise'")
         assert page.run("document.getElementById('link').hidden && !document.getElementById('views').inert")
         chosen = "[...document.querySelectorAll('[role=tab][aria-selected=true]')].map(tab => tab.id)"

@@ -87,6 +87,7 @@ class VirtualBoard:
     gone: bool = False
     reset: bool = False
     taken: int = 0
+    told: bool = False
     _reader: MessageReader = field(default_factory=lambda: MessageReader(asks_version=True))
     _modes: dict[int, int] = field(default_factory=dict)
     _levels: dict[int, int] = field(default_factory=dict)

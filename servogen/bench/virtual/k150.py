@@ -8,7 +8,8 @@ K149, K150, K182 ("P18A"), of which the commands for 14-bit chips are implemente
                        └──────1──▶ 'Q', idle
 
 A client resets a real K150 by DTR, which a pseudo-terminal does not have. Instead, the programmer is idle
-again when a client opens its port (`terminals`), and after a silence, even in the middle of a command.
+again when a client opens its port (`terminals`) or, where nothing tells of that, after a silence, even in the
+middle of a command.
 """
 
 from __future__ import annotations
@@ -78,6 +79,7 @@ class VirtualProgrammer:
     """The number of times it erased a chip."""
     now: Callable[[], float] = time.monotonic
     """Seconds."""
+    told: bool = False
     _rom: list[int] = field(default_factory=lambda: [ERASED_WORD] * PROGRAM_WORDS)
     _eeprom: list[int] = field(default_factory=lambda: [ERASED_BYTE] * EEPROM_BYTES)
     _ids: list[int] = field(default_factory=lambda: [ID_BITS] * ID_WORDS)
@@ -107,7 +109,7 @@ class VirtualProgrammer:
             self.outgoing += self._dice.randbytes(len(data))
             return
         now = self.now()
-        if self._heard_at is not None and now > self._heard_at + SILENCE_S:
+        if self._heard_at is not None and now > self._heard_at + SILENCE_S and not self.told:
             self.restarted()
         self._heard_at = now
         self._waiting += data

@@ -64,6 +64,9 @@ class TerminalDevice(Worker, Protocol):
 class ResetByOpening(Protocol):
     """A device that the modem lines of its port reset when a client opens it."""
 
+    told: bool
+    """Whether it is told of each opening, and need not conclude it from a silence."""
+
     def restarted(self) -> None:
         """Begin anew, as after a reset."""
 
@@ -94,12 +97,14 @@ class Openings:
             self._library = ctypes.CDLL(None, use_errno=True)
             self.handle = self._checked(self._library.inotify_init1(os.O_NONBLOCK | os.O_CLOEXEC))
 
-    def watch(self, path: str) -> None:
-        """Notice from now on who opens the terminal at `path`."""
-        if self.handle is not None:
-            watch = self._library.inotify_add_watch(self.handle, os.fsencode(path), OPENED | CLOSED)
-            self._paths[self._checked(watch)] = path
-            self._clients[path] = 0
+    def watch(self, path: str) -> bool:
+        """Notice from now on who opens the terminal at `path`; return whether this system tells it."""
+        if self.handle is None:
+            return False
+        watch = self._library.inotify_add_watch(self.handle, os.fsencode(path), OPENED | CLOSED)
+        self._paths[self._checked(watch)] = path
+        self._clients[path] = 0
+        return True
 
     def changes(self) -> Iterator[tuple[str, bool]]:
         """Yield each path that got its first client (True) or lost its last one (False)."""
@@ -153,7 +158,7 @@ class Terminals:
             self._open[name] = _Terminal(device, master, slave)
             self.paths[name] = os.ttyname(slave)
             if isinstance(device, ResetByOpening):
-                self._openings.watch(self.paths[name])
+                device.told = self._openings.watch(self.paths[name])
 
     def serve(self, ended: Callable[[], bool]) -> None:
         """Transfer bytes until `ended`."""
