@@ -63,7 +63,9 @@ class WorkLimits:
 
 STOP_S = 0.05
 """The interval between two looks at whether work is still wanted."""
-COMPILING = WorkLimits()
+PATIENCE = 4
+"""The allowed elapsed time in multiples of the processor time: nothing depends on the machine's load."""
+COMPILING = WorkLimits(elapsed_s=PATIENCE * 10.0)
 """The limits for compiling or assembling one program. Programs that fit the chip use a tenth of them."""
 
 

@@ -5,11 +5,18 @@ import os
 from collections.abc import Iterator
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from servogen.compiler.options import VERIFY_IR
 from servogen.native import parts
 
 os.environ[VERIFY_IR] = "1"  # the compiler checks its intermediate form after every pass
+
+# The same examples on every machine, however slow it is.
+settings.register_profile(
+    "servogen", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow]
+)
+settings.load_profile("servogen")
 
 
 def pytest_xdist_auto_num_workers() -> int:

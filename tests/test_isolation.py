@@ -82,7 +82,7 @@ def test_processor_time_and_elapsed_time_are_two_limits() -> None:
 @pytest.mark.parametrize("work", [hoard, lambda: bytearray(400_000_000)])
 def test_work_that_takes_all_memory_is_stopped(work: Callable[[], object]) -> None:
     with pytest.raises(LimitExceeded, match="needed more than 150 MB of memory") as caught:
-        run(work, WorkLimits(seconds=60, memory_mb=150))
+        run(work, WorkLimits(seconds=60, memory_mb=150, elapsed_s=600))
     assert caught.value.resource is Resource.MEMORY
 
 

@@ -116,7 +116,12 @@ RecordedWires = Annotated[
         "only these are read.",
     ),
 ]
-TimeLimit = Annotated[float, typer.Option("--timeout", min=0.1, help="Stop after this many seconds.")]
+TimeLimit = Annotated[
+    float,
+    typer.Option(
+        "--timeout", min=0.1, help="Stop after this many seconds of processor time, or four times as many."
+    ),
+]
 MemoryLimit = Annotated[
     int, typer.Option("--memory-mb", min=50, help="Stop if more memory than this is needed.")
 ]

@@ -45,7 +45,7 @@ from servogen.grade import (
 )
 from servogen.grade.film import Film, FilmSource, film_of, lines_around
 from servogen.grade.watch import Watched, watch
-from servogen.isolation import COMPILING, LimitExceeded, Resource, WorkLimits, can_fork, run_each
+from servogen.isolation import COMPILING, PATIENCE, LimitExceeded, Resource, WorkLimits, can_fork, run_each
 from servogen.pic.device import PROGRAM_WORDS
 from servogen.pic.image import Image
 from servogen.pic.listing import Listing
@@ -64,11 +64,6 @@ from servogen.workflows.power_ups import (
 
 RUNNING = WorkLimits(seconds=120.0)
 """The limits for running and judging one program, which usually takes a second."""
-
-PATIENCE = 4
-"""The allowed elapsed time in multiples of the processor time: grades must not depend on the machine's
-load.
-"""
 
 STARTING_S = 60
 """The time that a process may take to start on a busy machine."""

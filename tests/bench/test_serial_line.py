@@ -85,7 +85,7 @@ def heard(changes: list[tuple[int, int]], cuts: list[int], inverted: bool = Fals
     return received
 
 
-@settings(derandomize=True, deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.binary(max_size=6), st.sampled_from([0, 30, 5000]), st.lists(st.integers(1, 9000), max_size=5))
 def test_every_byte_is_heard_however_the_time_is_cut(data: bytes, gap: int, cuts: list[int]) -> None:
     assert heard(frames(data, gap), cuts) == data

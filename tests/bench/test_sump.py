@@ -5,7 +5,7 @@ from typing import cast
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from servogen.bench.analysers import sump
@@ -25,7 +25,6 @@ def runs(pieces: list[tuple[int, int]]) -> sump.Runs:
     return sump.merged(np.array([value for value, _ in pieces], dtype=np.uint32), start, sum(lengths))
 
 
-@settings(derandomize=True, deadline=None)
 @given(RUNS, st.sampled_from([8, 16, 24, 32]))
 def test_rle_and_the_wire_lose_nothing(pieces: list[tuple[int, int]], bits: int) -> None:
     original = runs(pieces)

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from servogen.edges import HIGH, LOW, PINS, UNDRIVEN, Changes, EdgeChunk, EdgeTrace, edge_chunk, join
@@ -45,7 +45,6 @@ def test_the_thirteen_pins_in_order() -> None:
     assert PINS == ("RA0", "RA1", "RA2", "RA3", "RA4", "RB0", "RB1", "RB2", "RB3", "RB4", "RB5", "RB6", "RB7")
 
 
-@settings(derandomize=True)
 @given(rows=ROWS, cuts=CUTS)
 def test_undriven_counts_as_low_and_what_changes_nothing_then_is_no_change(
     rows: list[Row], cuts: list[int]
@@ -56,14 +55,12 @@ def test_undriven_counts_as_low_and_what_changes_nothing_then_is_no_change(
     assert rows_of(trace.driven()) == rows_of(trace.driven())
 
 
-@settings(derandomize=True)
 @given(rows=ROWS, cuts=CUTS)
 def test_changes_keeps_changes_only(rows: list[Row], cuts: list[int]) -> None:
     changes = Changes()
     assert rows_of([changes(chunk) for chunk in chunked(rows, cuts)]) == changes_of(rows, UNDRIVEN)
 
 
-@settings(derandomize=True)
 @given(rows=ROWS, cuts=CUTS, end=st.integers(0, 260))
 def test_a_trace_is_cut_before_its_new_end_and_never_lengthened(
     rows: list[Row], cuts: list[int], end: int
@@ -74,7 +71,6 @@ def test_a_trace_is_cut_before_its_new_end_and_never_lengthened(
     assert rows_of(cut.chunks) == [row for row in rows if row[0] < end]
 
 
-@settings(derandomize=True)
 @given(rows=ROWS, cuts=CUTS)
 def test_stored_is_the_same_trace(rows: list[Row], cuts: list[int]) -> None:
     trace = EdgeTrace(MHZ4, iter(chunked(rows, cuts)), Cycles(250)).stored()

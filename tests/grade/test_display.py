@@ -9,7 +9,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, example, given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from servogen.grade import (
@@ -33,9 +33,7 @@ LAB = load_lab("lab8-exercise")
 NAMES = st.text("aAbB.-+%~ /_\u00e9e\u0301\udcff\x1b\n", min_size=1, max_size=8)
 """Few letters, so that names are often alike."""
 
-UNHURRIED = settings(
-    derandomize=True, deadline=None, max_examples=30, suppress_health_check=[HealthCheck.too_slow]
-)
+UNHURRIED = settings(max_examples=30)
 """The machine may have more to do."""
 
 

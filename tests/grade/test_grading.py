@@ -140,10 +140,15 @@ def test_progress_counts_every_program(tmp_path: Path) -> None:
     assert seen == [1, 2, 3]
 
 
-def test_the_command_goes_on_and_says_it(run: Run, tmp_path: Path) -> None:  # noqa: F811
+def test_the_command_goes_on_and_says_it(
+    run: Run,  # noqa: F811
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(grading, "COMPILING", WorkLimits(seconds=1))
     (tmp_path / "bomb.c").write_text(BOMB)
     (tmp_path / "right.c").write_text(RIGHT.read_text())
-    done = run("grade", "lab8-exercise", tmp_path, "--timeout", 2)
+    done = run("grade", "lab8-exercise", tmp_path)
     assert done.code == 1
     assert "bomb.c    NOT PASSED" in done.out
     assert "1 of 2 passed" in done.out
@@ -223,7 +228,12 @@ def test_on_a_cluster_no_program_costs_another_its_grade(
 
 
 def test_a_cluster_without_workers_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(grading, "CONNECT_S", 0.5)
+    import distributed
+
+    waits = distributed.Client.wait_for_workers
+    monkeypatch.setattr(
+        distributed.Client, "wait_for_workers", lambda client, count, timeout: waits(client, count, 0.1)
+    )
     with cluster(workers=0) as scheduler, pytest.raises(ToolError, match="has no worker"):
         grade_submissions(submissions(tmp_path, ["right.c"]), task(), scheduler)
 

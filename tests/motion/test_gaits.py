@@ -97,7 +97,7 @@ def test_two_feet_one_and_none_support_nothing() -> None:
 coordinate = st.integers(-20, 20).map(lambda value: value / 10)
 
 
-@settings(derandomize=True, max_examples=150)
+@settings(max_examples=150)
 @given(
     feet=st.lists(st.tuples(coordinate, coordinate), min_size=1, max_size=6),
     centre=st.tuples(coordinate, coordinate),
@@ -113,7 +113,6 @@ def test_the_margin_is_the_least_over_all_directions(
     assert margin(points, point) == pytest.approx(least, abs=2e-3)
 
 
-@settings(derandomize=True, deadline=None)
 @given(
     duty=st.floats(0.05, 0.95),
     lifts=st.lists(st.floats(0, 0.999), min_size=6, max_size=6),

@@ -87,7 +87,7 @@ def peaks_of(made: Law, seconds: float, way: float) -> list[float]:
 limit = st.floats(0.05, 50)
 
 
-@settings(derandomize=True, max_examples=200)
+@settings(max_examples=200)
 @given(name=st.sampled_from(NAMES), way=st.floats(0.01, 5), speed=limit, acceleration=limit, jerk=limit)
 def test_the_fastest_keeps_its_limits_and_touches_one(
     name: str, way: float, speed: float, acceleration: float, jerk: float
@@ -124,7 +124,7 @@ def test_the_four_kinds_of_s_curve(limits: JointLimits, seconds: float) -> None:
     assert fastest("s-curve", [1.0], [limits]).duration == pytest.approx(seconds)
 
 
-@settings(derandomize=True, max_examples=100)
+@settings(max_examples=100)
 @given(
     name=st.sampled_from(NAMES),
     ways=st.lists(st.sampled_from((0.0, 0.01, -0.5, 1.0, 3.0)), min_size=2, max_size=4),

@@ -103,7 +103,7 @@ def test_90_degrees_is_as_far_along_60_as_along_120() -> None:
     assert two.length == pytest.approx(one.length)
 
 
-@settings(derandomize=True, max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.floats(-1, 1), st.floats(-1, 1))
 def test_the_parts_of_any_way_add_up_to_it_in_six_directions(x: float, y: float) -> None:
     parts = decomposed(BASE, (x, y))

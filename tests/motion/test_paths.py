@@ -43,7 +43,7 @@ def test_an_arc_may_go_the_long_way_round() -> None:
     assert long.point([1.0])[0].tolist() == pytest.approx([0, 1, 0], abs=1e-12)
 
 
-@settings(derandomize=True, max_examples=200)
+@settings(max_examples=200)
 @given(start=point, through=point, end=point)
 def test_an_arc_passes_its_three_points_on_a_circle(
     start: tuple[float, ...], through: tuple[float, ...], end: tuple[float, ...]

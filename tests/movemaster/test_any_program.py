@@ -48,9 +48,7 @@ def _run(lines: list[str], repeat: bool) -> ProgramRun:
 
 
 def _up_to(examples: int) -> settings:
-    return settings(
-        derandomize=True, max_examples=examples, deadline=None, suppress_health_check=list(HealthCheck)
-    )
+    return settings(max_examples=examples, suppress_health_check=list(HealthCheck))
 
 
 @_up_to(40)

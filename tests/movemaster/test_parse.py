@@ -245,7 +245,7 @@ def test_a_missing_file_and_a_binary_one_are_refused(tmp_path: Path) -> None:
         read(file)
 
 
-@settings(derandomize=True, max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.text(alphabet="0123456789 ,.'&+-MOGSTRCNXPDABE\n", max_size=60))
 def test_any_text_is_read_or_refused_with_a_place(text: str) -> None:
     try:

@@ -43,13 +43,13 @@ def check(source: str) -> None:
         assert all(0 <= word <= 0x3FFF for word in assembly.image.program.values())
 
 
-@settings(derandomize=True, deadline=None, max_examples=150)
+@settings(max_examples=150)
 @given(LINES)
 def test_no_heap_of_words_crashes_it(lines: list[str]) -> None:
     check("\n".join(line for line in lines if "while" not in line))
 
 
-@settings(derandomize=True, deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(st.text(max_size=80))
 def test_no_text_crashes_it(text: str) -> None:
     check(f" {text}")

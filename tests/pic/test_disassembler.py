@@ -33,7 +33,7 @@ def test_every_word_comes_back_from_its_disassembly(first: int) -> None:
     assert assemble(disassemble(image, F84)).image == image
 
 
-@settings(derandomize=True, deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     st.builds(
         Image,

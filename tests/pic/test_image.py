@@ -27,7 +27,6 @@ IMAGES = st.builds(
 )
 
 
-@settings(derandomize=True, deadline=None)
 @given(IMAGES)
 def test_an_image_written_and_read_is_the_same_image(image: Image) -> None:
     text = to_hex(image)
@@ -162,7 +161,7 @@ def test_what_lies_beyond_the_chip_is_told_what_is_allowed() -> None:
     )
 
 
-@settings(derandomize=True, deadline=None, max_examples=300)
+@settings(max_examples=300)
 @given(st.text(alphabet=":0123456789ABCDEFg;\n\r \x00ÿ", max_size=200))
 def test_no_text_crashes_the_reader(text: str) -> None:
     try:
@@ -171,7 +170,7 @@ def test_no_text_crashes_the_reader(text: str) -> None:
         assert error.message
 
 
-@settings(derandomize=True, deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(IMAGES, st.data())
 def test_one_changed_character_is_never_read_as_another_program(image: Image, data: st.DataObject) -> None:
     text = to_hex(image)

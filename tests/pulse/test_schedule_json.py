@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from servogen.errors import InputError
@@ -116,7 +116,7 @@ def schedules(draw: st.DrawFn) -> PulseSchedule:
     )
 
 
-@settings(derandomize=True, max_examples=100, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=100)
 @given(schedule=schedules())
 def test_every_schedule_comes_back(schedule: PulseSchedule) -> None:
     assert from_json(schedule.json_text(), "s.json") == schedule

@@ -135,7 +135,7 @@ def test_a_trim_that_leaves_no_pulse_is_refused() -> None:
         arm(trim_us=-1100.0)
 
 
-@settings(derandomize=True, max_examples=200)
+@settings(max_examples=200)
 @given(
     angle=st.floats(0, math.pi),
     trim=st.floats(-50, 50),

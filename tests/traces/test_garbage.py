@@ -77,7 +77,7 @@ def read_or_refuse(read: Callable[[Path], EdgeTrace], name: str, data: bytes) ->
 
 
 @pytest.mark.parametrize("name", sampled(WHOLE))
-@settings(derandomize=True, deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(data=st.data())
 def test_edges(name: str, data: st.DataObject) -> None:
     contents = data.draw(damaged(WHOLE[name]))
@@ -85,7 +85,7 @@ def test_edges(name: str, data: st.DataObject) -> None:
 
 
 @pytest.mark.parametrize("name", sampled(CAPTURED))
-@settings(derandomize=True, deadline=None, max_examples=150)
+@settings(max_examples=150)
 @given(data=st.data())
 def test_captures(name: str, data: st.DataObject) -> None:
     contents = data.draw(damaged(CAPTURED[name]))

@@ -46,7 +46,7 @@ def trace_of(rows: list[Row], clock: Clock, tail: int, cut: int) -> EdgeTrace:
     return EdgeTrace(clock, tuple(edge_chunk(*zip(*part, strict=True)) for part in parts if part), end)
 
 
-@settings(derandomize=True, deadline=None, max_examples=150)
+@settings(max_examples=150)
 @given(
     rows=changes(),
     hz=st.sampled_from(
@@ -68,7 +68,7 @@ def test_vcd_and_jsonl_keep_every_change_and_vcd_the_end(
         assert read_edges(jsonl, trace.clock, end=trace.end).end == trace.end
 
 
-@settings(derandomize=True, deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(rows=changes(), cut=st.integers(0, 60))
 def test_csv_keeps_the_driven_changes(rows: list[Row], cut: int) -> None:
     trace = trace_of(rows, MHZ4, 1, cut)

@@ -32,7 +32,7 @@ def read(tmp_path: Path, text: str, clock: Clock = MHZ4, **options: object) -> E
     return read_edges(tmp_path / "a.vcd", clock, **options)  # type: ignore[arg-type]
 
 
-@settings(derandomize=True, deadline=None, max_examples=80)
+@settings(max_examples=80)
 @given(st.lists(st.tuples(st.integers(0, 5000), st.integers(0, 12), st.integers(0, 2)), max_size=40))
 def test_every_byte_is_as_pyvcd_alone_would_write_it(steps: list[tuple[int, int, int]]) -> None:
     rows = []

@@ -3,7 +3,7 @@
 from fractions import Fraction
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from servogen.units import Clock, Cycles, Rounded, counted
@@ -38,7 +38,6 @@ def test_what_was_asked_for_and_what_is_got_are_both_kept() -> None:
     assert Clock(4_000_000).round_us(1500).exact
 
 
-@settings(derandomize=True)
 @given(hz=st.integers(1, 10**8), us=st.fractions(-(10**9), 10**9))
 def test_the_error_is_never_more_than_half_a_cycle(hz: int, us: Fraction) -> None:
     clock = Clock(hz)

@@ -91,7 +91,7 @@ def same(scheduled: list[Edge], observed: list[Edge], end: int, checked: int) ->
     return [e for e in seen if e[0] < checked] == sorted(e for e in scheduled if e[0] < checked)
 
 
-@settings(derandomize=True, deadline=None, max_examples=120)
+@settings(max_examples=120)
 @given(data=st.data(), widths=WIDTHS, start=st.integers(0, 5000), size=st.integers(1, 9))
 def test_proven_exactly_when_the_edges_are_the_same(
     data: st.DataObject, widths: list[tuple[int | None, ...]], start: int, size: int
@@ -117,7 +117,7 @@ def test_proven_exactly_when_the_edges_are_the_same(
         assert all(channel.observed == channel.scheduled for channel in verdict.channels)
 
 
-@settings(derandomize=True, deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(data=st.data(), widths=WIDTHS, window=st.integers(20, 900))
 def test_the_length_of_the_windows_changes_no_number(
     data: st.DataObject, widths: list[tuple[int | None, ...]], window: int

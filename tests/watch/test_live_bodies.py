@@ -43,7 +43,7 @@ def shown(session: WatchSession, cycle: int) -> dict[str, Any]:
     """The bodies of a moment, when they have got there."""
     list(session.handle({"do": "seek", "cycle": cycle}))
     assert session.bodies is not None
-    return list(session.bodies.follow(60))[-1]
+    return list(session.bodies.follow(600))[-1]
 
 
 def with_bodies(subject: Subject) -> tuple[WatchSession, dict[str, Any]]:

@@ -154,7 +154,7 @@ def test_the_bodies_follow_both_chips(subject: Subject, chip: int) -> None:
     pose = []
     for cycle in (1_000_000, 2_400_000):
         list(session.handle({"do": "seek", "cycle": cycle}))
-        (found,) = session.bodies.follow(60)
+        (found,) = session.bodies.follow(600)
         pose.append(np.reshape(found["points"], (-1, 3)))
     # The shoulder's link moves, and the elbow's moves otherwise.
     ends = np.array([points[-2:] for points in pose])

@@ -82,7 +82,7 @@ WIDTHS = st.lists(st.sampled_from([0, 1000, 1500, 2000]), min_size=2, max_size=2
 RUNS = st.lists(st.tuples(st.integers(1, 300), WIDTHS), min_size=1, max_size=4)
 
 
-@settings(derandomize=True, max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(RUNS, RUNS, st.integers(0, 40))
 def test_delays_less_overheads_and_the_overheads_make_the_schedule(
     lead_in: list[tuple[int, list[int]]], loop: list[tuple[int, list[int]]], seed: int

@@ -76,7 +76,7 @@ def test_a_trim_s_byte_is_two_s_complement_and_the_erased_one_is_none() -> None:
         assert trim_cycles(trim_byte(cycles)) == (0 if cycles == -1 else cycles)
 
 
-@settings(derandomize=True, max_examples=200)
+@settings(max_examples=200)
 @given(st.integers(256, 5000), st.integers(1, 10_000))
 def test_positions_go_from_end_to_end_and_are_within_a_cycle_of_the_straight_line(
     least: int, span: int
@@ -88,7 +88,7 @@ def test_positions_go_from_end_to_end_and_are_within_a_cycle_of_the_straight_lin
     assert all(abs(width - (least + p * span / MAX_VALUE)) < 1 for p, width in enumerate(widths))
 
 
-@settings(derandomize=True, max_examples=100)
+@settings(max_examples=100)
 @given(st.integers(0, MAX_VALUE), st.integers(300, 10_000))
 def test_the_nearest_position_of_a_position_s_width_is_that_position(p: int, span: int) -> None:
     each = WidthRange(Cycles(600), Cycles(600 + span))
