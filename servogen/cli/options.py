@@ -118,9 +118,7 @@ RecordedWires = Annotated[
 ]
 TimeLimit = Annotated[
     float,
-    typer.Option(
-        "--timeout", min=0.1, help="Stop after this many seconds of processor time, or four times as many."
-    ),
+    typer.Option("--timeout", min=0.1, help="Stop after this many seconds of processor time."),
 ]
 MemoryLimit = Annotated[
     int, typer.Option("--memory-mb", min=50, help="Stop if more memory than this is needed.")
