@@ -65,6 +65,7 @@ ALLOWED = {
         "the checker and the prover judge them",
     ),
     "docs/diagnostics.md": ("is proven by one engine only", "prove it without"),
+    "tools/answers.py": ("prove firmware/",),
     "tools/tape_mutants.py": ("prov", "proof", "PROVEN"),  # it attacks both witnesses
     "servogen/cli/app.py": ('"prove_command": ("prove",)',),
     "servogen/cli/doctor_command.py": ("to build a job and prove it",),
