@@ -115,68 +115,72 @@ class Machine:
         self.options = options
         self.breakpoints: set[int] = set()
         """Addresses before whose instruction `run` and `stream` stop."""
-        self._s = power_up(image, clock, options, tracked)
+        self.numbers = power_up(image, clock, options, tracked)
+        """Everything that the chip consists of, in the order of `layout`; a run goes on from what is here."""
         self._bus = Bus(options.devices, clock)
-        self._s[at.DEVICES] = self._bus.address
+        self.numbers[at.DEVICES] = self._bus.address
         # Each of them is high by its resistor at first.
-        self._s[at.DEVICE_PINS] = self._s[at.DEVICE_TOLD] = sum(1 << pin for pin in options.device_pins)
+        self.numbers[at.DEVICE_PINS] = self.numbers[at.DEVICE_TOLD] = sum(
+            1 << pin for pin in options.device_pins
+        )
         self._tracked = tracked
         self._plain = program_code(image)
         self._fast = fast_code(self._plain)
         self._marked = frozenset[int](), True, self._fast.code
         """The breakpoints and the kind of the code that ran last, and that code."""
-        self._memo = np.full(at.MEMO_ROWS * at.MEMO_COLUMNS, at.UNKNOWN, dtype=np.int64)
+        self.memo = np.full(at.MEMO_ROWS * at.MEMO_COLUMNS, at.UNKNOWN, dtype=np.int64)
+        """What regions of the program did, for the next time; -1 where there is nothing yet."""
         self._recording = np.zeros(at.DEEPEST_RECORDING * at.RECORD, dtype=np.int64)
         self._edges = np.zeros(EDGE_ROOM + EDGE_SLACK, dtype=np.int64)
-        self._s[at.EDGE_LIMIT] = EDGE_ROOM
+        self.numbers[at.EDGE_LIMIT] = EDGE_ROOM
         self._changes = tee(stimulus.changes(clock), 1)[0] if stimulus else None
         self._stim = np.zeros(0, dtype=np.int64)
         if stimulus:
-            self._s[at.STIM_KNOWN] = 0
-        kept = (self._s, self._edges, self._plain, self._fast.regions, self._memo, self._recording)
+            self.numbers[at.STIM_KNOWN] = 0
+        kept = (self.numbers, self._edges, self._plain, self._fast.regions, self.memo, self._recording)
         self._pointers = tuple(array.ctypes.data for array in kept)
         """Addresses of the arrays that are never replaced: to ask for them takes as long as a short run."""
 
     @property
     def cycles(self) -> Cycles:
         """Return the cycle in which the next instruction executes."""
-        return Cycles(int(self._s[at.CYCLE]))
+        return Cycles(int(self.numbers[at.CYCLE]))
 
     @property
     def pc(self) -> int:
         """Return the address of the next instruction, 13 bits."""
-        return int(self._s[at.PC])
+        return int(self.numbers[at.PC])
 
     @property
     def edges_made(self) -> int:
         """Return the number of edges since power-up."""
-        return int(self._s[at.EDGES_TOTAL])
+        return int(self.numbers[at.EDGES_TOTAL])
 
     @property
     def asleep(self) -> bool:
         """Return whether the chip sleeps or is held in reset."""
-        return bool(self._s[at.SLEEPING] or self._s[at.IN_RESET])
+        return bool(self.numbers[at.SLEEPING] or self.numbers[at.IN_RESET])
 
     @property
     def ram(self) -> bytes:
         """Return the 68 bytes from 0x0C."""
-        return bytes((self._s[RAM_FIRST : RAM_LAST + 1] & 0xFF).astype(np.uint8))
+        return bytes((self.numbers[RAM_FIRST : RAM_LAST + 1] & 0xFF).astype(np.uint8))
 
     @property
     def pins(self) -> int:
         """Return the level at each pin, driven or read, as a number: bit n is pin n of `PINS`."""
-        return int(self._s[at.PINS])
+        return int(self.numbers[at.PINS])
 
     @property
     def levels(self) -> tuple[int, ...]:
         """Return what the chip drives each pin to."""
-        driven, high = int(self._s[at.DRIVEN]), int(self._s[at.DRIVEN_HIGH])
+        driven, high = int(self.numbers[at.DRIVEN]), int(self.numbers[at.DRIVEN_HIGH])
         return tuple(high >> pin & 1 if driven >> pin & 1 else UNDRIVEN for pin in range(len(PINS)))
 
     @property
     def traced(self) -> tuple[int, ...]:
         """Return the levels that the edges lead to: what the chip drives, and the wires of devices."""
-        wires, read = int(self._s[at.DEVICE_PINS]), self.pins
+        wires, read = int(self.numbers[at.DEVICE_PINS]), self.pins
         return tuple(read >> pin & 1 if wires >> pin & 1 else level for pin, level in enumerate(self.levels))
 
     @property
@@ -187,7 +191,7 @@ class Machine:
     @property
     def pull_ups(self) -> bool:
         """Return whether the pull-ups of port B are on."""
-        return not int(self._s[at.OPTION]) & RBPU
+        return not int(self.numbers[at.OPTION]) & RBPU
 
     def run(self, cycles: int) -> EdgeChunk:
         """Run for `cycles` (the last instruction may end one later) or to a breakpoint, and return the
@@ -238,7 +242,7 @@ class Machine:
     @property
     def read_unwritten(self) -> tuple[int, ...]:
         """Return the addresses of RAM bytes that were read before they were first written."""
-        return read_unwritten(self._s)
+        return read_unwritten(self.numbers)
 
     @property
     def chip_dependent(self) -> tuple[Diagnostic, ...]:
@@ -246,10 +250,10 @@ class Machine:
         return tuple(warning for warning in self._warnings() if warning.code in CHIP_DEPENDENT)
 
     def state(self) -> MachineState:
-        return state_of(self._s, self._warnings())
+        return state_of(self.numbers, self._warnings())
 
     def _warnings(self) -> tuple[Diagnostic, ...]:
-        return warnings_of(self._s, self.image, self.clock, remarks=self._bus.remarks)
+        return warnings_of(self.numbers, self.image, self.clock, remarks=self._bus.remarks)
 
     def contents(self) -> Image:
         """Return the current contents of the chip: the image, with the EEPROM as the program has left it."""
@@ -259,13 +263,13 @@ class Machine:
         """Return bytes that are equal for two states of one image, clock and options if both behave
         identically without stimulus.
         """
-        return fingerprint(self._s) + self._bus.relative(self.cycles)
+        return fingerprint(self.numbers) + self._bus.relative(self.cycles)
 
     def unknown(self) -> bytes:
         """Return the state of unknown values as bytes; if these and the fingerprints are equal, the same uses
         follow.
         """
-        return unknown_bits(self._s)
+        return unknown_bits(self.numbers)
 
     def run_to_edge(self, pin: int, level: int, limit: int) -> Cycles | None:
         """Run until just after the instruction that drives `pin` (its index in `PINS`) to `level`, and return
@@ -273,14 +277,14 @@ class Machine:
 
         Returns None if there is no such edge within `limit` cycles. Breakpoints are ignored.
         """
-        self._s[at.EDGE_LIMIT] = 1  # return after every instruction that makes an edge
+        self.numbers[at.EDGE_LIMIT] = 1  # return after every instruction that makes an edge
         try:
             for chunk in self._advance(self.cycles + limit, fast=True, breakpoints=frozenset()):
                 matches = (chunk.pin == pin) & (chunk.level == level)
                 if matches.any():
                     return Cycles(int(chunk.cycle[matches][-1]))
         finally:
-            self._s[at.EDGE_LIMIT] = EDGE_ROOM
+            self.numbers[at.EDGE_LIMIT] = EDGE_ROOM
         return None
 
     def run_to_change(self, cycles: int) -> EdgeChunk:
@@ -288,12 +292,12 @@ class Machine:
 
         Breakpoints are ignored.
         """
-        self._s[at.EDGE_LIMIT] = 1  # return after every instruction that makes an edge
+        self.numbers[at.EDGE_LIMIT] = 1  # return after every instruction that makes an edge
         try:
             chunks = self._advance(self.cycles + cycles, fast=True, breakpoints=frozenset())
             return next((chunk for chunk in chunks if len(chunk.cycle)), join(()))
         finally:
-            self._s[at.EDGE_LIMIT] = EDGE_ROOM
+            self.numbers[at.EDGE_LIMIT] = EDGE_ROOM
 
     def snapshot(self) -> Snapshot:
         """Return the complete state, from which `restore` continues exactly as if nothing had run since.
@@ -301,10 +305,10 @@ class Machine:
         Breakpoints and the counts of an observation are not part of it. A stimulus that is generated on
         demand is kept from the oldest snapshot on that is still referenced.
         """
-        edges = self._edges[: self._s[at.EDGE_COUNT]].copy()
+        edges = self._edges[: self.numbers[at.EDGE_COUNT]].copy()
         return Snapshot(
             image=self.image,
-            state=self._s.copy(),
+            state=self.numbers.copy(),
             stimulus=self._stim,
             changes=copy(self._changes),
             edges=edges,
@@ -318,8 +322,8 @@ class Machine:
         """
         if snapshot.image != self.image:
             raise ValueError("the snapshot is of another image")
-        self._s[:] = snapshot.state
-        self._s[at.DEVICES] = self._bus.address
+        self.numbers[:] = snapshot.state
+        self.numbers[at.DEVICES] = self._bus.address
         self._bus.restore(snapshot.devices)
         self._stim = snapshot.stimulus
         self._changes = copy(snapshot.changes)
@@ -331,8 +335,8 @@ class Machine:
         For a machine that does without end what it did from `first` to `second` (`repeats`), at any moment.
         """
         passed = times * int(second.state[at.CYCLE] - first.state[at.CYCLE])
-        self._s[_COUNTERS] += times * (second.state[_COUNTERS] - first.state[_COUNTERS])
-        shift(self._s, passed)
+        self.numbers[_COUNTERS] += times * (second.state[_COUNTERS] - first.state[_COUNTERS])
+        shift(self.numbers, passed)
 
     @staticmethod
     def repeats(first: Snapshot, second: Snapshot) -> bool:
@@ -349,9 +353,9 @@ class Machine:
         if address is not None and not RAM_FIRST <= address <= RAM_LAST:
             raise ValueError(f"0x{address:02X} is not in RAM")
         if address is None:
-            self._s[at.W], self._s[at.W_UNKNOWN] = value & 0xFF, 0
+            self.numbers[at.W], self.numbers[at.W_UNKNOWN] = value & 0xFF, 0
         else:
-            self._s[address] = value & 0xFF
+            self.numbers[address] = value & 0xFF
 
     def apply(self, changes: Sequence[LevelChange]) -> None:
         """Add changes from outside to what the stimulus still has to supply, after its own in each cycle.
@@ -362,8 +366,8 @@ class Machine:
             if change.cycle < self.cycles or not 0 <= change.pin <= at.MCLR_PIN or not 0 <= change.level <= 2:
                 raise ValueError(f"{change} cannot be applied in cycle {self.cycles}")
         added = np.array([change.packed for change in changes], dtype=np.int64)
-        pieces = [self._stim[self._s[at.STIM_NEXT] :]]
-        known = int(self._s[at.STIM_KNOWN])
+        pieces = [self._stim[self.numbers[at.STIM_NEXT] :]]
+        known = int(self.numbers[at.STIM_KNOWN])
         last = max((change.cycle for change in changes), default=0)
         while known <= last:
             known, piece = (
@@ -372,7 +376,11 @@ class Machine:
             pieces.append(piece)
         merged = np.concatenate((*pieces, added))
         self._stim = merged[np.argsort(merged >> at.PACK_CYCLE, kind="stable")]
-        self._s[at.STIM_NEXT], self._s[at.STIM_COUNT], self._s[at.STIM_KNOWN] = 0, len(merged), known
+        self.numbers[at.STIM_NEXT], self.numbers[at.STIM_COUNT], self.numbers[at.STIM_KNOWN] = (
+            0,
+            len(merged),
+            known,
+        )
 
     def observe(self, cycles: int, observation: Observation) -> Iterator[tuple[EdgeChunk, Packed]]:
         """Run like `stream`, instruction by instruction, counting in `observation`.
@@ -381,11 +389,11 @@ class Machine:
         """
         end = self.cycles + cycles
         code = marked_code(self._plain, self._plain, self.breakpoints)
-        self._s[at.TRACE_ROOM] = len(observation.trace)
+        self.numbers[at.TRACE_ROOM] = len(observation.trace)
         for why in self._runs(end, code, loop(observed=True, tracked=False), observation):
-            rows = observation.trace[: self._s[at.TRACE_COUNT]].copy()
-            self._s[at.TRACE_COUNT] = 0
-            if why in _RESTING or len(rows) or self._s[at.EDGE_COUNT]:
+            rows = observation.trace[: self.numbers[at.TRACE_COUNT]].copy()
+            self.numbers[at.TRACE_COUNT] = 0
+            if why in _RESTING or len(rows) or self.numbers[at.EDGE_COUNT]:
                 yield self._drain(), rows
 
     def visits(self, cycles: int) -> Iterator[tuple[EdgeChunk, Packed]]:
@@ -397,13 +405,13 @@ class Machine:
         rows = np.zeros((VISITS, at.VISIT), dtype=np.int64)
         end = self.cycles + cycles
         code = marked_code(self._fast.code, self._plain, self.breakpoints)
-        self._s[at.TRACE_ROOM] = VISITS
+        self.numbers[at.TRACE_ROOM] = VISITS
         for why in self._runs(end, code, loop(visits=True), Observation(trace=rows)):
-            noted = rows[: self._s[at.TRACE_COUNT]].copy()
-            self._s[at.TRACE_COUNT] = 0
-            if why in _RESTING or len(noted) or self._s[at.EDGE_COUNT]:
+            noted = rows[: self.numbers[at.TRACE_COUNT]].copy()
+            self.numbers[at.TRACE_COUNT] = 0
+            if why in _RESTING or len(noted) or self.numbers[at.EDGE_COUNT]:
                 yield self._drain(), noted
-        self._s[at.TRACE_ROOM] = 0
+        self.numbers[at.TRACE_ROOM] = 0
 
     def _advance(self, end: int, *, fast: bool, breakpoints: Set[int] | None = None) -> Iterator[EdgeChunk]:
         stops = frozenset(self.breakpoints if breakpoints is None else breakpoints)
@@ -412,7 +420,7 @@ class Machine:
             self._marked = stops, fast, code
         code = self._marked[2]
         for _ in self._runs(end, code, loop(observed=False, tracked=self._tracked), _UNOBSERVED):
-            if self._s[at.EDGE_COUNT] or self._bus.changes:
+            if self.numbers[at.EDGE_COUNT] or self._bus.changes:
                 yield self._drain()
 
     def _runs(self, end: int, code: Code, run: Loop, observation: Observation) -> Iterator[int]:
@@ -438,13 +446,13 @@ class Machine:
     def _refill(self) -> None:
         until, changes = next(self._changes, (at.NEVER, None)) if self._changes else (at.NEVER, None)
         self._stim = np.zeros(0, dtype=np.int64) if changes is None else changes
-        self._s[at.STIM_NEXT] = 0
-        self._s[at.STIM_COUNT] = len(self._stim)
-        self._s[at.STIM_KNOWN] = until
+        self.numbers[at.STIM_NEXT] = 0
+        self.numbers[at.STIM_COUNT] = len(self._stim)
+        self.numbers[at.STIM_KNOWN] = until
 
     def _drain(self) -> EdgeChunk:
-        packed = self._edges[: self._s[at.EDGE_COUNT]]
-        self._s[at.EDGE_COUNT] = 0
+        packed = self._edges[: self.numbers[at.EDGE_COUNT]]
+        self.numbers[at.EDGE_COUNT] = 0
         return self._bus.with_wires(unpack_edges(packed))
 
 

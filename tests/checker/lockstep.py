@@ -173,7 +173,7 @@ def outputs(machine: Machine, cycles: int) -> tuple[chip.Ints, chip.Ints]:
     while machine.cycles < cycles:
         began = machine.cycles
         machine.step()
-        out = int(machine._s[at.LATCH]) & ~int(machine._s[at.TRIS]) & 0x1FFF
+        out = int(machine.numbers[at.LATCH]) & ~int(machine.numbers[at.TRIS]) & 0x1FFF
         if out != last:
             found.append((began, out))
             last = out

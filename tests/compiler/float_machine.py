@@ -46,7 +46,7 @@ class FloatMachine:
         for name, value in operands.items():
             address, size = self._where[name]
             for offset in range(size):
-                self._machine._s[address + offset] = value >> 8 * offset & 0xFF
+                self._machine.numbers[address + offset] = value >> 8 * offset & 0xFF
         before = int(self._machine.cycles)
         assert self._machine.run_until(pc=self._start, limit=MAX_CYCLES), "it does not end"
         self.cycles = max(self.cycles, int(self._machine.cycles) - before)

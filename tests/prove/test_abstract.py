@@ -58,7 +58,7 @@ def changes_of_levels(edges: list[tuple[int, ...]], high: int) -> list[tuple[int
 
 def contains(state: ChipState, machine: Machine) -> None:
     """Raise AssertionError if the machine's state is not one of the chips'."""
-    s = machine._s
+    s = machine.numbers
     for place, cell in enumerate(state.ram):
         assert not cell & CELL_PHASED
         assert (cell ^ int(s[0x0C + place])) & 0xFF & ~(cell >> 8) == 0, hex(0x0C + place)
@@ -80,7 +80,7 @@ def contains(state: ChipState, machine: Machine) -> None:
 
 def chosen(state: ChipState, machine: Machine) -> tuple[AssumedBits, ...]:
     """Return the machine's values of everything that is unknown in the state."""
-    s = machine._s
+    s = machine.numbers
     choices = [AssumedBits("TMR0_PHASE", 0, 0)]
     for place, cell in enumerate(state.ram):
         if cell >> 8:

@@ -120,7 +120,7 @@ def test_the_random_programs_reach_what_is_taken_in_one_step() -> None:
     for case in tame:
         machine = case.machine()
         machine.run(CYCLES)
-        used += bool((machine._memo != -1).any())
+        used += bool((machine.memo != -1).any())
     assert used > len(tame) // 3
 
 

@@ -28,7 +28,7 @@ WATCHED = "        __config _XT_OSC & _WDT_ON & _PWRTE_OFF\n"
 def vector(config: str | None = None) -> np.ndarray:
     chip = machine_of(image(" nop\n" * 100, config) if config else image(" nop\n" * 100))
     chip.run(50)
-    return chip._s.copy()
+    return chip.numbers.copy()
 
 
 def changed(s: np.ndarray, name: str, to: int) -> np.ndarray:

@@ -94,7 +94,7 @@ def test_what_is_done_with_it_is_said(instruction: str, how: str) -> None:
     assert (address, cycle) == (SET_UP + 1, SET_UP + 1)
     kinds = {"tris PORTA": 0, "tris PORTB": 1}
     if instruction in kinds:
-        assert chip._s[at.USE_SUBJECT] == kinds[instruction]
+        assert chip.numbers[at.USE_SUBJECT] == kinds[instruction]
 
 
 @pytest.mark.parametrize(("register", "name"), [("EECON1", "EECON1"), ("EECON2", "EECON2"),
@@ -226,7 +226,7 @@ def test_an_enabled_flag_that_noise_may_set_is_a_use(enable: int, flag: int, sou
             assert message.startswith(source)
             assert message.endswith(how)
             assert (address, cycle) == (1, 1)
-            assert chip._s[at.USE_SUBJECT] == 1 << flag
+            assert chip.numbers[at.USE_SUBJECT] == 1 << flag
         else:
             assert chip.chip_dependent == ()
     message, address, cycle = use(tracked(f" movlw {1 << enable}\n movwf INTCON\n sleep\n nop\n", 20))

@@ -65,12 +65,12 @@ def chip(word: int, tracked: bool = False) -> Machine:
 
 def runs(word: int) -> list[Run]:
     machine = chip(word)
-    fresh = machine._s.copy()
+    fresh = machine.numbers.copy()
     fresh[at.STACK] = TOP
     fresh[at.SP] = fresh[at.DEPTH] = 1
     found = []
     for w, f, status in product(W_VALUES, F_VALUES, STATUSES):
-        s = machine._s
+        s = machine.numbers
         s[:] = fresh
         s[at.W], s[RAM], s[at.STATUS] = w, f, status
         machine.step()
@@ -159,9 +159,9 @@ def test_an_unknown_operand_makes_only_the_flags_of_the_row_unknown(row: Opcode)
     unknown_flags = 0
     for word in {*words(row), *words(row, literal=0)}:  # k | W is certainly not 0 unless k is
         machine = chip(word, tracked=True)
-        fresh = machine._s.copy()
+        fresh = machine.numbers.copy()
         for w, f in product(W_VALUES, F_VALUES):
-            s = machine._s
+            s = machine.numbers
             s[:] = fresh
             s[at.W], s[at.STATUS], s[at.STATUS_UNKNOWN] = w, 0x18, 0
             s[at.W_UNKNOWN] = 0x1FF if "W" in row.reads else 0

@@ -234,4 +234,4 @@ def test_a_region_is_taken_in_one_step_when_it_comes_again() -> None:
                         break
         assert chip.cycles == slow.cycles == 1 + 2 + 3 * 5 - 1 + (turn - 1) * (2 + 3 * 5 - 1 + 3)
         assert chip.fingerprint() == slow.fingerprint()
-    assert (chip._memo != -1).any()
+    assert (chip.memo != -1).any()

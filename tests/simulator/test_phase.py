@@ -56,7 +56,7 @@ def test_every_phase_lies_in_what_the_tracked_chip_says(seed: int) -> None:
     rng = random.Random(seed)
     words, option = random_words(rng), rng.choice((0x84, 0x80, 0x88))
     chip = prepared(words, tracked=True, option=option)
-    tracked = chip._s
+    tracked = chip.numbers
     cells = {}  # slot: (value, unknown bits)
     for slot in (*BYTES, layout.W, layout.TMR0):
         kind = rng.randrange(3) if slot != layout.TMR0 else 2
@@ -74,16 +74,16 @@ def test_every_phase_lies_in_what_the_tracked_chip_says(seed: int) -> None:
         plain.restore(start)
         for slot, (value, unknown) in cells.items():
             chosen = value + phase if unknown == PHASED else value ^ rng.randrange(256) & unknown & 0xFF
-            plain._s[slot] = chosen & 0xFF
+            plain.numbers[slot] = chosen & 0xFF
         plain.run(LENGTH)
         for slot in BYTES:
             said = int(tracked[slot])
-            check(int(plain._s[slot]) & 0xFF, said & 0xFF, said >> layout.UNKNOWN_SHIFT, phase)
+            check(int(plain.numbers[slot]) & 0xFF, said & 0xFF, said >> layout.UNKNOWN_SHIFT, phase)
         timer = int(tracked[layout.TMR0]), int(tracked[layout.TMR0_UNKNOWN])
-        check(int(plain._s[layout.TMR0]), *timer, phase)
-        check(int(plain._s[layout.W]), int(tracked[layout.W]), int(tracked[layout.W_UNKNOWN]), phase)
+        check(int(plain.numbers[layout.TMR0]), *timer, phase)
+        check(int(plain.numbers[layout.W]), int(tracked[layout.W]), int(tracked[layout.W_UNKNOWN]), phase)
         flags = int(tracked[layout.STATUS_UNKNOWN])
-        check(int(plain._s[layout.STATUS]), int(tracked[layout.STATUS]), flags, phase)
+        check(int(plain.numbers[layout.STATUS]), int(tracked[layout.STATUS]), flags, phase)
 
 
 def check(value: int, said: int, unknown: int, phase: int) -> None:
@@ -96,10 +96,10 @@ def check(value: int, said: int, unknown: int, phase: int) -> None:
 def after(words: list[int], **cells: tuple[int, int]) -> Machine:
     """Return a tracked chip after `words`, of whose RAM bytes `first` and `second` were set so before."""
     chip = prepared(words, tracked=True)
-    chip._s[layout.STATUS_UNKNOWN] = 0
+    chip.numbers[layout.STATUS_UNKNOWN] = 0
     for name, (value, unknown) in cells.items():
         slot = BYTES[0] if name == "first" else BYTES[1]
-        chip._s[slot] = value | unknown << layout.UNKNOWN_SHIFT
+        chip.numbers[slot] = value | unknown << layout.UNKNOWN_SHIFT
     chip.run(len(words))
     return chip
 
@@ -107,16 +107,16 @@ def after(words: list[int], **cells: tuple[int, int]) -> Machine:
 def test_the_difference_of_two_phased_bytes_is_known() -> None:
     subtract = [encode("MOVF", f=BYTES[0]), encode("SUBWF", f=BYTES[1])]
     chip = after(subtract, first=(250, PHASED), second=(3, PHASED))
-    assert (int(chip._s[layout.W]), int(chip._s[layout.W_UNKNOWN])) == (9, 0)
-    assert int(chip._s[layout.STATUS_UNKNOWN]) & 0xFF == 0b011  # C and DC depend on φ, Z does not
+    assert (int(chip.numbers[layout.W]), int(chip.numbers[layout.W_UNKNOWN])) == (9, 0)
+    assert int(chip.numbers[layout.STATUS_UNKNOWN]) & 0xFF == 0b011  # C and DC depend on φ, Z does not
 
 
 @pytest.mark.parametrize(("second", "zero"), [(7, 4), (8, 0)])
 def test_whether_two_phased_bytes_are_equal_is_known(second: int, zero: int) -> None:
     compare = [encode("MOVF", f=BYTES[0]), encode("XORWF", f=BYTES[1])]
     chip = after(compare, first=(7, PHASED), second=(second, PHASED))
-    assert int(chip._s[layout.STATUS]) & 4 == zero
-    assert int(chip._s[layout.STATUS_UNKNOWN]) == 0
+    assert int(chip.numbers[layout.STATUS]) & 4 == zero
+    assert int(chip.numbers[layout.STATUS_UNKNOWN]) == 0
 
 
 def test_a_phased_byte_by_itself_is_unknown() -> None:
@@ -128,5 +128,5 @@ def test_a_phased_byte_by_itself_is_unknown() -> None:
 def test_a_known_byte_less_a_phased_one_is_not_phased() -> None:
     subtract = [encode("MOVF", f=BYTES[0]), encode("SUBWF", f=BYTES[1])]
     chip = after(subtract, first=(7, PHASED), second=(9, 0))
-    assert int(chip._s[layout.W_UNKNOWN]) & 0xFF == 0xFF
-    assert int(chip._s[layout.W_UNKNOWN]) != PHASED
+    assert int(chip.numbers[layout.W_UNKNOWN]) & 0xFF == 0xFF
+    assert int(chip.numbers[layout.W_UNKNOWN]) != PHASED

@@ -58,7 +58,7 @@ ARITHMETIC = ["ADDWF", "SUBWF", "ADDLW", "SUBLW", "INCF", "DECF", "INCFSZ", "DEC
 def powered(word: int) -> tuple[Machine, np.ndarray]:
     """Return a tracked machine with this instruction, and its state at power-up."""
     chip = Machine(Image({0: word}, 0x3FF1), CLOCK, tracked=True)
-    return chip, chip._s.copy()
+    return chip, chip.numbers.copy()
 
 
 def executed(
@@ -72,7 +72,7 @@ def executed(
     else:
         word = encode(name, f=F, d=1)
     chip, fresh = powered(word)
-    s = chip._s
+    s = chip.numbers
     s[:] = fresh
     s[F] = f[0] | (f[1] | OF_F << 8 if f[1] else 0) << at.UNKNOWN_SHIFT
     s[at.W], s[at.W_UNKNOWN] = w[0], w[1] | OF_W << 8 if w[1] else 0
@@ -170,7 +170,7 @@ def test_a_choice_of_bits_is_every_choice() -> None:
 def combined(name: str, f: tuple[int, int], w: tuple[int, int]) -> tuple[int, int, int, int]:
     """Return the result of an addition or subtraction, its unknown bits, STATUS and its unknown bits."""
     chip, fresh = powered(encode(name, f=F, d=1))
-    s = chip._s
+    s = chip.numbers
     s[:] = fresh
     s[F] = f[0] | f[1] << at.UNKNOWN_SHIFT
     s[at.W], s[at.W_UNKNOWN] = w

@@ -56,7 +56,7 @@ def test_an_instruction_reads_the_slot_of_the_row_with_its_unknown_bits(row: Slo
     address = registers()[row.register].address
     program = image(f" movf 0x{address & 0x7F:02X}, w\nstand goto stand\n")
     chip = Machine(program, CLOCK, SimulatorOptions(ra4_pull_up=True), tracked=True)  # TMR0 is not in doubt
-    state, doubtful = chip._s, row.undefined & -row.undefined
+    state, doubtful = chip.numbers, row.undefined & -row.undefined
     state[row.number] = row.bits & 0x45  # INTCON: GIE is clear; STATUS: bank 0
     if address & BANK_1:
         state[layout.STATUS] |= RP0

@@ -34,7 +34,7 @@ USED = {
 @cache
 def untracked(word: int) -> tuple[Machine, np.ndarray]:
     chip = Machine(Image({0: word}, 0x3FF1), CLOCK)
-    return chip, chip._s.copy()
+    return chip, chip.numbers.copy()
 
 
 @pytest.mark.parametrize("address", SLOTS)
@@ -57,14 +57,14 @@ def test_a_bit_of_a_register_is_unknown_exactly_if_some_choice_changes_it(addres
         first: dict[int, int] = {}
         chip, fresh = untracked(word)
         for values in product(*(choices(known[slot], unknown[slot]) for slot in known)):
-            chip._s[:] = fresh
+            chip.numbers[:] = fresh
             for slot, value in zip(known, values, strict=True):
-                chip._s[slot] = value
+                chip.numbers[slot] = value
             chip.step()
             for slot in differs:
-                differs[slot] |= int(chip._s[slot]) ^ first.setdefault(slot, int(chip._s[slot]))
+                differs[slot] |= int(chip.numbers[slot]) ^ first.setdefault(slot, int(chip.numbers[slot]))
         chip, fresh = powered(word)
-        s = chip._s
+        s = chip.numbers
         s[:] = fresh
         for slot, value in known.items():
             s[slot], s[slot + 1] = value, unknown[slot] | (OF_W << 8 if unknown[slot] else 0)
@@ -106,7 +106,7 @@ def test_what_is_known_of_a_port_after_a_write(address: int) -> None:
         bit = rng.randrange(8)
         fields = {"b": bit} if name in ("BSF", "BCF") else {"d": 1} if name in ("COMF", "IORWF") else {}
         chip, fresh = powered(encode(name, f=address, **fields))
-        s = chip._s
+        s = chip.numbers
         s[:] = fresh
         latch, doubt, tris = (
             rng.getrandbits(13),
@@ -154,7 +154,7 @@ def test_a_pin_driven_unwritten_is_forgiven_for_ten_cycles_if_it_then_is_low(nam
     for address in (5, 6) * 100:
         mine, first = PORTS[address]
         chip, fresh = powered(encode(name, f=address))
-        s = chip._s
+        s = chip.numbers
         s[:] = fresh
         tris, doubt, w = rng.getrandbits(13), rng.getrandbits(13) | rng.getrandbits(13), rng.randrange(256)
         waiting, now = rng.getrandbits(13) & doubt & ~tris, 1000
@@ -190,7 +190,7 @@ def test_pull_ups_hold_what_nothing_else_does(any_input: int) -> None:
     chip, fresh = powered(encode("TRIS", f=6))
     rng = random.Random(any_input)
     for _ in range(200):
-        s = chip._s
+        s = chip.numbers
         s[:] = fresh
         option, pulled, floating = rng.choice((0x7F, 0xFF)), rng.randrange(2), rng.choice((0, ALL))
         latch, doubt, w = rng.getrandbits(13), rng.getrandbits(13) & rng.getrandbits(13), rng.randrange(256)
@@ -216,7 +216,7 @@ def test_which_flags_are_in_doubt_after_a_write_of_intcon_and_which_interrupts()
     rng = random.Random(7)
     found = {0: 0, at.USE_INTERRUPT: 0}
     for _ in range(500):
-        s = chip._s
+        s = chip.numbers
         s[:] = fresh
         option = rng.choice((0xFF, 0xF7, 0xD7))  # RA4, RA4 through the prescaler, the internal clock by 256
         w, wu = rng.randrange(256) | rng.choice((0, 0x80)), rng.choice((0, 0, 1, 2, 4, 7))
@@ -270,7 +270,7 @@ def test_a_write_of_eecon1_starts_a_write_or_a_read_of_the_eeprom() -> None:
     rng = random.Random(8)
     begun = 0
     for _ in range(500):
-        s = chip._s
+        s = chip.numbers
         s[:] = fresh
         now, before = 1000, rng.choice((0, WREN, WREN, WREN | EEIF, WREN | WR, WRERR))
         w, wu = rng.randrange(32) | rng.choice((0, WR)), rng.choice((0, 0, 0, WRERR, EEIF, WREN, WR, RD))
@@ -326,12 +326,12 @@ def test_t0if_is_in_doubt_from_the_first_increment_on_that_could_overflow_an_unk
     its divisor is 2 to 256 (DS35007 register 2-2), and it may be unknown itself.
     """
     chip = Machine(Image({0: encode("NOP"), 1: encode("GOTO", k=0)}, 0x3FF1), CLOCK, tracked=True)
-    fresh = chip._s.copy()
+    fresh = chip.numbers.copy()
     divisor = 1 if option & 8 else 2 << (option & 7)
     for count, count_open in ((0, 0), (divisor - 1, 0), (divisor // 2, 0), (0, divisor - 1), (0, divisor)):
         due = 0 if count_open & (divisor - 1) else divisor - count % divisor - 1
         for cycle in {max(0, due - 2), max(0, due - 1), due, due + 1, due + 2}:
-            s = chip._s
+            s = chip.numbers
             s[:] = fresh
             s[at.OPTION], s[at.TMR0], s[at.TMR0_UNKNOWN] = option, 0x40, 0xFF
             s[at.PRESCALER], s[at.PRESCALER_UNKNOWN], s[at.INTCON_UNKNOWN] = count, count_open, 0
@@ -345,7 +345,7 @@ def test_an_unknown_count_of_the_prescaler_makes_tmr0_unknown_where_it_divides_i
     chip, fresh = powered(encode("MOVWF", f=0x01))
     divides = 0 if option & 8 else (2 << (option & 7)) - 1
     for count_open in (0, *(1 << bit for bit in range(8))):
-        s = chip._s
+        s = chip.numbers
         s[:] = fresh
         s[at.STATUS], s[at.STATUS_UNKNOWN], s[at.W], s[at.W_UNKNOWN] = 0x38, 0, option, 0
         s[at.EXT_MASK], s[at.PINS_UNKNOWN] = 1 << 4, 0x1FEF
@@ -363,7 +363,7 @@ def test_what_is_unknown_after_a_reset_by_mclr() -> None:
     for held, rbif, rbif_open, writing in product((0, 0x1FFF), (0, 1), (0, 1), (False, True)):
         chip = Machine(program, CLOCK, stimulus=pulse, tracked=True)
         chip.run(8)
-        s = chip._s
+        s = chip.numbers
         s[at.EXT_MASK], s[at.EXT_LEVEL], s[at.PINS], s[at.RB_OLD] = held, held, held, held & 0x1FE0
         s[at.PINS_UNKNOWN] = s[at.RB_OLD_UNKNOWN] = 0x1FE0 & ~held
         s[at.INTCON], s[at.INTCON_UNKNOWN] = 0x70 | rbif, 6 | rbif_open

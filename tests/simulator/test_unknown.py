@@ -295,7 +295,7 @@ def edges_before(
 def pulls_up(program: Image, end: int) -> bool:
     """Return whether port B has its pull-ups at any time before `end`: then it does not float."""
     chip = Machine(program, CLOCK)
-    return chip.run_until(predicate=lambda now: not now._s[layout.OPTION] & 0x80, limit=end)
+    return chip.run_until(predicate=lambda now: not now.numbers[layout.OPTION] & 0x80, limit=end)
 
 
 def test_until_the_first_use_every_start_makes_the_same_edges() -> None:
