@@ -1,11 +1,12 @@
-; _sum_hi, _sum_lo = (_value * _x + 128) / 256; _value is used up.
+{% set factor = "_next_lo" if coarse else "_value" %}
+; _sum_hi, _sum_lo = ({{ factor }} * _x + 128) / 256; {{ factor }} is used up.
     movlw   128
     movwf   _sum_lo
     clrf    _sum_hi
     movlw   8
     movwf   FSR
 st_multiply:
-    rrf     _value, F
+    rrf     {{ factor }}, F
     btfss   STATUS, 0
     goto    st_halve
     movf    _x_lo, W

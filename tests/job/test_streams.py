@@ -3,7 +3,6 @@
 import random
 import re
 from fractions import Fraction
-from pathlib import Path
 
 import pytest
 
@@ -28,7 +27,7 @@ CHIP = '[chip]\ndevice = "PIC16F84A"\nclock_hz = 4_000_000\n'
 
 
 def servos(count: int) -> str:
-    pins = [*(f"RB{n}" for n in range(8)), "RA0", "RA1"]
+    pins = [*(f"RB{n}" for n in range(8)), *(f"RA{n}" for n in range(5))]
     return "".join(
         f'[[servo]]\nname = "s{n}"\npin = "{pins[n]}"\nmodel = "futaba-s3001"\n' for n in range(count)
     )
@@ -159,19 +158,14 @@ def test_another_engine_hears_no_line() -> None:
     assert "the player engine does not read a serial line" in error_of(text)
 
 
-def test_nine_servos_are_one_too_many() -> None:
-    assert "up to 8 servos, not 9" in error_of(CHIP + servos(9) + "[stream]\n")
-
-
-def test_too_many_servos_for_a_line_are_told_by_how_much_and_what_else_there_is() -> None:
-    """Eight fill the 68 bytes (firmware/stream-eight); four more are 4 · 5 bytes; 12 · 9 · 256 cycles."""
-    four = "".join(f'[[servo]]\nname = "a{n}"\npin = "RA{n}"\nmodel = "futaba-s3001"\n' for n in range(4))
-    said = error_of(CHIP + servos(8) + four + "[stream]\n")
-    assert "12 need 20 more" in said and "at least 27648 µs" in said
-    for way in ("two chips", "servogen drive --range-us", "[walk] commands", "the player"):
-        assert way in said
-    report = (Path(__file__).parents[2] / "firmware" / "stream-eight" / "report.txt").read_text()
-    assert "68 of 68" in report
+def test_twelve_servos_and_the_line_take_all_pins_and_a_longer_frame() -> None:
+    """One after the other: 12 slots of the 9 rounds of 256 cycles that the C takes are 27 648."""
+    line = "[stream]\n[frame]\nperiod_us = {}\n"
+    with pytest.raises(InputError, match="period_us = 27648"):
+        planned(plan_job(loads(CHIP + servos(12) + line.format(20_000), "job.toml")))
+    found = planned(plan_job(loads(CHIP + servos(12) + line.format(28_000), "job.toml")))
+    assert found.plan.schedule.period == 27_648
+    assert "RA4" in error_of(CHIP + servos(13) + "[stream]\n")
 
 
 def soft_start(seconds: float) -> str:

@@ -16,7 +16,8 @@ import pytest
 from servogen.engines.stream.engine import stream
 from servogen.engines.stream.firmware import compiled, firmware
 from servogen.engines.stream.protocol import NO_TRIM, SYNC, CommandKind, command_of
-from servogen.job import load, plan_job
+from servogen.engines.stream.streaming import Streaming
+from servogen.job import PlannedJob, load, loads, plan_job
 from servogen.pic.image import Image, read_hex
 from servogen.pic.isa import encode
 from servogen.pic.listing import Listing, ListingRow
@@ -24,7 +25,7 @@ from servogen.prove.stream.bits import FALSE, Bits, Truth, byte
 from servogen.prove.stream.chip import NOTHING, ReceiverState, StreamChip
 from servogen.prove.stream.counterexample import NOBODY, CounterexampleSearch
 from tests.engines.stream import chip_model
-from tests.engines.stream.stream_soak import JOBS
+from tests.engines.stream.stream_soak import JOBS, TWELVE
 
 ARM = plan_job(load(JOBS / "stream-arm.toml"))
 STREAMED = stream(ARM)[1]
@@ -35,14 +36,16 @@ def listing() -> Listing:
     return compiled(ARM, STREAMED, "c2c").compilation.listing
 
 
-def lemmas(listing: Listing, told: list[tuple[str, int, int]] | None = None):  # type: ignore[no-untyped-def]
+def lemmas(  # type: ignore[no-untyped-def]
+    listing: Listing, told: list[tuple[str, int, int]] | None = None, streamed: Streaming = STREAMED
+):
     pytest.importorskip("bitwuzla", reason="the solver is not installed")
     from servogen.prove.stream.bits import Solver
     from servogen.prove.stream.lemmas import Lemmas
     from servogen.prove.stream.names import Names
 
     told = [] if told is None else told
-    return Lemmas(Names(listing, STREAMED), Solver(), lambda *progress: told.append(progress))
+    return Lemmas(Names(listing, streamed), Solver(), lambda *progress: told.append(progress))
 
 
 def changed(listing: Listing, at: int, word: int) -> Listing:
@@ -786,36 +789,54 @@ def test_a_proof_states_how_late_a_pulse_and_a_command_may_be(
 # the specification, with the second one that the simulator's edges are compared with
 
 
-@pytest.mark.parametrize("name", ["stream-arm", "stream-eight", "stream-fast"])
-def test_both_specifications_of_the_chip_agree(name: str) -> None:
-    streamed = stream(plan_job(load(JOBS / f"{name}.toml")))[1]
+COARSE = plan_job(loads(TWELVE, "twelve.toml"))
+
+
+def test_a_coarse_chip_keeps_positions_and_a_word_that_keeps_another_is_found() -> None:
+    """Of the last servo's commands and of one that a coarse chip does not know; a position is kept with 1."""
+    from servogen.prove.stream.lemmas import Fails
+
+    streamed = stream(COARSE)[1]
+    made = compiled(COARSE, streamed, "c2c").compilation.listing
+    one = lemmas(made, streamed=streamed)
+    one.start()
+    accesses = one.execute((0x0B, 0x4B, 0x80, 0xCB))
+    assert {"place[11]", "goal[11]", "speed[11]", "left"} <= variables_of(made, accesses.writes)
+    position = next(each.start for each in made.functions if each.name == "position")
+    more = found(made, encode("INCF", f=made.variable("x_lo"), d=1), position)
+    wrong = changed(made, more, encode("DECF", f=made.variable("x_lo"), d=1))
+    with pytest.raises(Fails, match=r"the command FF 0B: place\[11\] becomes"):
+        lemmas(wrong, streamed=streamed).execute([0x0B])
+
+
+@pytest.mark.campaign
+def test_a_coarse_chip_s_pulse_is_its_position_s() -> None:
+    streamed = stream(COARSE)[1]
+    made = compiled(COARSE, streamed, "c2c").compilation.listing
+    lemmas(made, streamed=streamed).prepare([streamed.layout.slots - 1])
+
+
+SPECIFIED = [*(plan_job(load(JOBS / f"stream-{name}.toml")) for name in ("arm", "eight", "fast")), COARSE]
+
+
+@pytest.mark.parametrize("job", SPECIFIED, ids=lambda job: job.name)
+def test_both_specifications_of_the_chip_agree(job: PlannedJob) -> None:
+    streamed = stream(job)[1]
     servos, dice = len(streamed.neutral), random.Random(7)
     model = chip_model.Chip(streamed)
-    goals = [Bits(16, int(width)) for width in streamed.neutral]
-    chip = StreamChip(
-        streamed,
-        list(goals),
-        list(goals),
-        [byte(0)] * servos,
-        [byte(NO_TRIM)] * servos,
-        [FALSE] * servos,
-        [FALSE] * servos,
-        byte(0),
-        FALSE,
-        FALSE,
-        byte(0),
-    )
+    chip = StreamChip.after_reset(streamed, [byte(NO_TRIM)] * servos)
     for _ in range(400):
         model.begin_frame()
         chip.begin_frame()
         for n in range(servos):
             width = model.prepare(n)
             chip.prepare(n)
-            assert chip.widths[n].value == (width or 0)
+            assert bool(chip.widths[n].value) == bool(width)
+            assert width is None or chip.pulse(n).value == width
             assert chip.valid().known
         for second, third in commands(dice, servos):
             answers = streamed.stream.transmit_pin is not None
-            command = command_of(second, third, servos, answers=answers)
+            command = command_of(second, third, servos, answers=answers, trims=not streamed.coarse)
             if command is not None:
                 model.execute(command)
             chip.execute(second, byte(third))

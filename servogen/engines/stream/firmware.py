@@ -19,8 +19,6 @@ from servogen.engines.stream.streaming import Streaming
 from servogen.pic.listing import Listing
 from servogen.units import Cycles
 
-TRIMS = 256
-"""The maximum distance between two trims, by which a servo's way to its goal can exceed its travel."""
 HINT = "fewer servos, or none on the other port"
 """The hint if the chip is too small."""
 
@@ -37,8 +35,7 @@ def timing_budgets(listing: Listing, streamed: Streaming) -> tuple[TimingBudget,
     line.
     """
     byte = (streamed.first_units + (BITS - 1) * streamed.bit_units) * UNIT
-    travel = max(travel.maximum - travel.minimum for travel in streamed.travels) + TRIMS
-    bound = response(listing, streamed.layout.rounds, travel, BYTES * byte)
+    bound = response(listing, streamed.layout.rounds, streamed.farthest, BYTES * byte)
     supply = bound.supply or Cycles(0)
     return (
         TimingBudget("a request and its slot", bound.prepare, supply),

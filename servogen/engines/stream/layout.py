@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from servogen.engines.stream.protocol import BITS, BYTES, MAX_TRIM, WidthRange, travel
+from servogen.engines.stream.protocol import BITS, BYTES, FINE_SERVOS, MAX_TRIM, WidthRange, travel
 from servogen.engines.stream.settings import BAUD_ERROR
 from servogen.errors import InputError
 from servogen.pulse.slots import Frame
@@ -50,6 +50,12 @@ class RoundLayout:
         return Cycles(servo * self.rounds * ROUND)
 
 
+def is_coarse(servos: Sequence[Servo]) -> bool:
+    """Return whether the RAM holds a byte of each servo's place and goal, not two: see docs/firmware.md."""
+    ports = {servo.pin[1] for servo in servos}
+    return len(servos) > FINE_SERVOS + 1 - len(ports)
+
+
 def layout(servos: Sequence[Servo], frame: Frame, clock: Clock, baud: int) -> RoundLayout:
     """Return the longest frame that does not exceed the requested one. Raises InputError."""
     widths = [travel(servo, clock) for servo in servos]
@@ -62,7 +68,8 @@ def layout(servos: Sequence[Servo], frame: Frame, clock: Clock, baud: int) -> Ro
                 "use a faster clock, or narrow the servo's limits",
             )
     rounds = frame.period.cycles // ROUND
-    minimum, maximum = max(C_ROUNDS, _rounds(widths)), _max_rounds(clock, baud)
+    minimum = max(C_ROUNDS, _rounds(widths, 0 if is_coarse(servos) else MAX_TRIM))
+    maximum = _max_rounds(clock, baud)
     if minimum > maximum:
         raise InputError(
             "baud-rate",
@@ -96,7 +103,7 @@ def _max_rounds(clock: Clock, baud: int) -> int:
     return int(min(command - C_ROUNDS * ROUND, soon) // ROUND)
 
 
-def _rounds(widths: Sequence[WidthRange]) -> int:
+def _rounds(widths: Sequence[WidthRange], trim: int) -> int:
     """Return the rounds of the shortest slot that holds the longest pulse and its trim."""
-    longest = max(width.maximum for width in widths) + MAX_TRIM
+    longest = max(width.maximum for width in widths) + trim
     return -(-(longest - LATEST) // ROUND) + 1

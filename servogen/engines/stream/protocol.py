@@ -1,7 +1,7 @@
 """The stream engine's protocol: the meaning of three bytes, as data and pure functions.
 
-In: servo numbers (0 to 7, a job's order), widths in cycles, times in frames. Out: the bytes of a command, and
-conversely the command that bytes encode and the width that a position commands.
+In: servo numbers (0 to 11, a job's order), widths in cycles, times in frames. Out: the bytes of a command,
+and conversely the command that bytes encode and the width that a position commands.
 
     FF n     p      position p of servo n                    width = min + p (max - min) / 254
     FF 40+n  s      up to s cycles per frame; 0: no limit
@@ -9,6 +9,9 @@ conversely the command that bytes encode and the width that a position commands.
     FF 80    t      the group starts: all servos start in one frame and arrive t frames later
     FF C0+n  127+c  trim c of servo n, to the EEPROM
     FF F0    q      the high byte of servo q's width, in cycles, is sent back; for q - 8 the low byte
+
+A coarse chip, of 8 servos on both ports or more, keeps positions instead of widths: s is in positions per
+frame, a group is all servos, and there are no trims and no answers.
 
 FF occurs only at the beginning, so that a receiver that has lost synchronisation regains it with the next
 command.
@@ -26,7 +29,9 @@ from servogen.units import Clock, Cycles
 SYNC = 0xFF
 MAX_VALUE = 254
 """The maximum third byte: positions, frames, trims."""
-MAX_SERVOS = 8
+MAX_SERVOS = 12
+FINE_SERVOS = 8
+"""The most servos of a chip that is not coarse, if all are on one port; on both it is one less."""
 
 BYTES = 3
 BITS = 10
@@ -71,16 +76,16 @@ class StreamCommand:
 
 
 def command_of(
-    second: int, third: int, servos: int = MAX_SERVOS, *, answers: bool = True
+    second: int, third: int, servos: int = FINE_SERVOS, *, answers: bool = True, trims: bool = True
 ) -> StreamCommand | None:
     """Return the command of the two bytes after SYNC; None if a chip with `servos` servos ignores it.
 
-    `answers`: whether the chip has a pin to send on.
+    `answers`: whether the chip has a pin to send on; `trims`: whether it is not coarse.
     """
     if not 0 <= third <= MAX_VALUE:
         return None
     for kind in CommandKind:
-        if kind is CommandKind.QUERY and not answers:
+        if (kind is CommandKind.QUERY and not answers) or (kind is CommandKind.TRIM and not trims):
             continue
         number = second - kind.value
         if 0 <= number < (servos if kind.of_a_servo else 1):
@@ -118,7 +123,7 @@ def trim_command(servo: int, cycles: int) -> bytes:
         raise InputError(
             "bad-command", f"a trim of {cycles} cycles cannot be sent", hint="-127 to 127 cycles, but not -1"
         )
-    return _command(CommandKind.TRIM, servo, TRIM_ZERO + cycles)
+    return _command(CommandKind.TRIM, servo, TRIM_ZERO + cycles, FINE_SERVOS)
 
 
 def query_command(servo: int, *, low: bool = False) -> bytes:
@@ -126,18 +131,17 @@ def query_command(servo: int, *, low: bool = False) -> bytes:
 
     The chip does not receive until it has answered, which takes up to three slots and a byte.
     """
-    if not 0 <= servo < MAX_SERVOS:
-        raise InputError(
-            "unknown-servo", f"there is no servo {servo}", hint=f"servos are 0 to {MAX_SERVOS - 1}"
-        )
+    _check_servo(servo, FINE_SERVOS)
     return _command(CommandKind.QUERY, 0, servo + (ASK_LOW if low else 0))
 
 
-def _command(kind: CommandKind, servo: int, value: int) -> bytes:
-    if not 0 <= servo < MAX_SERVOS:
-        raise InputError(
-            "unknown-servo", f"there is no servo {servo}", hint=f"servos are 0 to {MAX_SERVOS - 1}"
-        )
+def _check_servo(servo: int, servos: int) -> None:
+    if not 0 <= servo < servos:
+        raise InputError("unknown-servo", f"there is no servo {servo}", hint=f"servos are 0 to {servos - 1}")
+
+
+def _command(kind: CommandKind, servo: int, value: int, servos: int = MAX_SERVOS) -> bytes:
+    _check_servo(servo, servos)
     if not 0 <= value <= MAX_VALUE:
         raise InputError(
             "bad-command", f"{value} cannot be the third byte of a command", hint=f"0 to {MAX_VALUE}"

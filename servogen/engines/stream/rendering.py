@@ -67,6 +67,7 @@ def render_stream(streamed: Streaming, dialect: str, device: Device, title: str)
         out=_out(stream.transmit_pin),
         answers=stream.transmit_pin is not None,
         two_ports=two_ports,
+        coarse=streamed.coarse,
         facts=table_lines([(_facts(streamed, two_ports), "")]),
         everybody=_everybody(pins, two_ports),
         fail_safe=stream.fail_safe,
@@ -76,7 +77,7 @@ def render_stream(streamed: Streaming, dialect: str, device: Device, title: str)
         trim_zero=TRIM_ZERO,
         tick=list(assembly(tick(streamed))),
         **{
-            name: list(assembly(render_template(f"stream/{name}.asm")))
+            name: list(assembly(render_template(f"stream/{name}.asm", coarse=streamed.coarse)))
             for name in ("extend", "trim", "keep", "ready", "multiply", "add", "way", "step", "divide")
         },
     )
@@ -128,19 +129,22 @@ def _facts(streamed: Streaming, two_ports: bool) -> list[int]:
     """Return the rows of the table, one number per servo in each; two rows are looked up at a time."""
     pins = [channel.pin for channel in streamed.plan.schedule.channels]
     masks = [1 << int(pin[2]) for pin in pins]
-    rows = [
-        half
-        for widths in (
-            [travel.minimum for travel in streamed.travels],
-            [travel.scale for travel in streamed.travels],
-            streamed.neutral,
-        )
-        for half in ([width & 0xFF for width in widths], [width >> 8 for width in widths])
+    widths: list[list[int]] = [
+        [each.minimum for each in streamed.travels],
+        [each.scale for each in streamed.travels],
     ]
-    rows.append([1 << number for number in range(len(pins))] if two_ports else masks)
+    if not streamed.coarse:
+        widths.append([*streamed.neutral])
+    rows = [
+        half for row in widths for half in ([width & 0xFF for width in row], [width >> 8 for width in row])
+    ]
+    if not streamed.coarse:
+        rows.append([1 << number for number in range(len(pins))] if two_ports else masks)
     rows.append(masks)
     if two_ports:
         rows.append([registers()[f"PORT{pin[1]}"].address for pin in pins])
+    if streamed.coarse:
+        rows.append([*streamed.kept])
     return [number for row in rows for number in row]
 
 

@@ -9,14 +9,11 @@ from pydantic import Field
 
 from servogen.engines.inputs import InputSection, PinName, check_free
 from servogen.engines.inputs.serial import Stream
-from servogen.engines.stream.layout import C_ROUNDS, ROUND
-from servogen.engines.stream.protocol import MAX_SERVOS
 from servogen.engines.stream.settings import bit_units
-from servogen.errors import InputError
-from servogen.pic.device import OPEN_DRAIN_PIN, RAM_BYTES
+from servogen.pic.device import OPEN_DRAIN_PIN
 from servogen.robot.servo import Servo
 from servogen.toml.file import Document, Table, exact
-from servogen.units import Clock, Cycles
+from servogen.units import Clock
 
 
 class StreamTable(Table):
@@ -40,8 +37,6 @@ class StreamSection:
     def read(self, document: Document, given: Table, servos: Sequence[Servo], clock: Clock) -> Stream:
         """Return the serial line. Raises InputError, also for a rate that the chip cannot receive."""
         wanted = cast(StreamTable, given)
-        if len(servos) > MAX_SERVOS:
-            raise _too_many(document, len(servos), clock)
         taken = {servo.pin: servo.name for servo in servos}
         for name, pin in (("receive_pin", wanted.receive_pin), ("transmit_pin", wanted.transmit_pin)):
             if pin is not None:
@@ -58,28 +53,6 @@ class StreamSection:
         )
         bit_units(stream, clock)
         return stream
-
-
-SERVO_BYTES = 5
-"""Bytes of RAM for each servo: its width and its goal, two bytes each, and its speed."""
-
-
-def _too_many(document: Document, servos: int, clock: Clock) -> InputError:
-    """Return the refusal of more servos than the engine drives: by how much, and the ways out."""
-    more = SERVO_BYTES * (servos - MAX_SERVOS)
-    frame = Cycles(servos * C_ROUNDS * ROUND)
-    return document.error(
-        "does-not-fit",
-        ("servo", MAX_SERVOS),
-        f"the stream engine drives up to {MAX_SERVOS} servos, not {servos}: each takes {SERVO_BYTES} bytes "
-        f"of RAM (where it is, where it goes, how fast), {MAX_SERVOS} with all else fill the chip's "
-        f"{RAM_BYTES}, and {servos} need {more} more; one pulse after the other, they would take a frame of "
-        f"at least {float(clock.us(frame)):g} µs",
-        f"two jobs on two chips, up to {MAX_SERVOS} servos and a line each; a bought servo controller, moved "
-        "by `servogen drive --range-us`; a walk by [walk] commands, a bit of the line per frame (50 baud at "
-        "20 ms); "
-        "a motion that is known beforehand without [stream], by the player",
-    )
 
 
 def _check_transmit_pin(document: Document, pin: str | None, servos: Sequence[Servo]) -> None:

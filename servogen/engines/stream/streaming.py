@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from servogen.engines.inputs.serial import OFF, Stream
-from servogen.engines.stream.layout import RoundLayout, layout
+from servogen.engines.stream.layout import RoundLayout, is_coarse, layout
 from servogen.engines.stream.protocol import MAX_VALUE, WidthRange, travel
 from servogen.engines.stream.settings import bit_units, first_units
 from servogen.errors import Diagnostic, InputError, Location
@@ -23,6 +23,8 @@ from servogen.pulse.slots import Frame
 from servogen.robot.servo import Servo
 from servogen.units import Clock, Cycles
 
+TRIMS = 256
+"""The maximum distance between two trims, by which a servo's way to its goal can exceed its travel."""
 MIN_SILENCE = 5
 """The minimum silence in frames: longer than a write to the EEPROM and the time between two commands."""
 
@@ -42,6 +44,22 @@ class Streaming:
     silence_frames: int
     soft_frames: int
     """The number of frames in which the servos go to the neutral pose."""
+    coarse: bool
+    """Whether the chip keeps a byte of each place and goal, the position and 1, instead of a width."""
+
+    @property
+    def kept(self) -> tuple[int, ...]:
+        """Return what the chip keeps of the neutral pose: widths without trims, or positions and 1."""
+        if not self.coarse:
+            return self.neutral
+        pairs = zip(self.travels, self.neutral, strict=True)
+        return tuple(1 + travel.nearest(width) for travel, width in pairs)
+
+    @property
+    def farthest(self) -> int:
+        """Return the most that a servo's place can be from its goal, in what the chip keeps of both."""
+        travels = [travel.maximum - travel.minimum for travel in self.travels]
+        return MAX_VALUE if self.coarse else max(travels) + TRIMS
 
 
 def streaming(
@@ -67,6 +85,10 @@ def streaming(
             f"{float(MIN_SILENCE * period_s):.2g} to {float(MAX_VALUE * period_s):.2g} s",
         )
     neutral = tuple(clock.round_us(servo.width_us(servo.neutral)).cycles for servo in servos)
+    travels = tuple(travel(servo, clock) for servo in servos)
+    coarse = is_coarse(servos)
+    if coarse:
+        neutral = tuple(each.width(each.nearest(width)) for each, width in zip(travels, neutral, strict=True))
     soft, soft_warnings = _soft_frames(soft_start_s, period_s, soft_start_place)
     schedule = _schedule(servos, slots, clock, neutral, silence, soft, stream.fail_safe)
     widths = tuple(
@@ -76,8 +98,7 @@ def streaming(
     errors = (error_of_rows(servo, (row,)) for servo, row in zip(servos, widths, strict=True))
     schedule = replace(schedule, plan_error=largest(errors))
     plan = PulsePlan(schedule, widths, (*_warnings(servos, frame, slots, clock), *soft_warnings))
-    travels = tuple(travel(servo, clock) for servo in servos)
-    return Streaming(plan, slots, stream, units, first, travels, neutral, silence, soft)
+    return Streaming(plan, slots, stream, units, first, travels, neutral, silence, soft, coarse)
 
 
 def _soft_frames(

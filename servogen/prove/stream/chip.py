@@ -20,7 +20,10 @@ LEAST_TRIM, MOST_TRIM = -128, 127
 
 @dataclass(slots=True)
 class StreamChip:
-    """The variables of the C; widths and goals have 16 bits, one entry per servo."""
+    """The variables of the C; widths and goals have 16 bits, one entry per servo.
+
+    In a coarse chip they are positions and 1 of 255; 0 is, as there, a servo without pulses.
+    """
 
     streamed: Streaming
     widths: list[Bits]
@@ -47,7 +50,7 @@ class StreamChip:
         none = [FALSE] * len(trims)
         speeds = [byte(0) for _ in trims]
         chip = cls(streamed, [], [], speeds, [*trims], none, [*none], byte(0), FALSE, FALSE, byte(0))
-        chip.goals = [Bits(16, int(width)) + chip.trim(n) for n, width in enumerate(streamed.neutral)]
+        chip.goals = [Bits(16, int(width)) + chip.trim(n) for n, width in enumerate(streamed.kept)]
         chip.widths = [*chip.goals]
         return chip
 
@@ -82,6 +85,8 @@ class StreamChip:
 
     def _within(self, n: int, value: Bits) -> Truth:
         """Return whether a width without its trim is in the servo's range."""
+        if self.streamed.coarse:
+            return ~value.equals(0)
         travel, plain = self.streamed.travels[n], value - self.trim(n)
         return ~plain.less(int(travel.minimum)) & plain.less(int(travel.maximum) + 1)
 
@@ -91,6 +96,8 @@ class StreamChip:
 
     def trim(self, n: int) -> Bits:
         """Return the trim of a servo in cycles."""
+        if self.streamed.coarse:
+            return Bits(16, 0)
         return choose(self.trims[n].equals(NO_TRIM), Bits(16, 0), self.trims[n].signed(16))
 
     def begin_frame(self) -> None:
@@ -117,7 +124,7 @@ class StreamChip:
         fail_safe = self.streamed.stream.fail_safe
         silent = self.silence.equals(self.streamed.silence_frames)
         if fail_safe == NEUTRAL:
-            neutral = Bits(16, int(self.streamed.neutral[n]))
+            neutral = Bits(16, int(self.streamed.kept[n]))
             self._go(n, neutral, silent & self.group[n])
         elif fail_safe == OFF:
             self.goals[n] = choose(silent, Bits(16, 0), self.goals[n])
@@ -130,6 +137,15 @@ class StreamChip:
         step = choose(self.group[n], distance // self.left.wide(16), limited)
         step = choose(self.waiting[n] | (self.group[n] & self.starting), Bits(16, 0), step)
         self.widths[n] = choose(down, width - step, width + step)
+
+    def pulse(self, n: int) -> Bits:
+        """Return the width of a servo's pulse, where it has one."""
+        return self._width(n, (self.widths[n] - 1)[0:8]) if self.streamed.coarse else self.widths[n]
+
+    def _width(self, n: int, position: Bits) -> Bits:
+        """Return the width without trim that a position commands."""
+        travel = self.streamed.travels[n]
+        return (position.wide(32) * travel.scale + 128 >> 8)[0:16] + int(travel.minimum)
 
     def _go(self, n: int, target: Bits, where: Truth = TRUE) -> None:
         """Make a width without trim a servo's goal; a servo without pulses is there at once."""
@@ -145,11 +161,12 @@ class StreamChip:
             return
         n = second - kind.value
         if kind is CommandKind.POSITION:
-            travel = self.streamed.travels[n]
-            offset = (value.wide(32) * travel.scale + 128 >> 8)[0:16]
-            self._go(n, offset + int(travel.minimum))
-            self.group[n] = FALSE
-            self.waiting[n] = self.gathering
+            if self.streamed.coarse:
+                self._go(n, value.wide(16) + 1)
+            else:
+                self._go(n, self._width(n, value))
+                self.group[n] = FALSE
+                self.waiting[n] = self.gathering
         elif kind is CommandKind.SPEED:
             self.speeds[n] = value
         elif kind is CommandKind.TRIM:
@@ -162,8 +179,10 @@ class StreamChip:
             begins = value.equals(0)
             self.gathering = begins
             self.starting = choose_truth(begins, self.starting, TRUE)
-            self.group = [choose_truth(begins, *pair) for pair in zip(self.group, self.waiting, strict=True)]
-            self.waiting = [choose_truth(begins, waits, FALSE) for waits in self.waiting]
+            # All servos of a coarse chip are a group, and wait for it.
+            begun = [TRUE] * self.servos if self.streamed.coarse else self.waiting
+            self.group = [choose_truth(begins, *pair) for pair in zip(self.group, begun, strict=True)]
+            self.waiting = [choose_truth(begins, waits, FALSE) for waits in begun]
             self.left = choose(begins, self.left, value)
         elif kind is CommandKind.QUERY:
             asked = self.widths[0]
@@ -176,6 +195,8 @@ class StreamChip:
         """Return how many servos a kind of command has numbers for."""
         if kind is CommandKind.QUERY:
             return int(self.streamed.stream.transmit_pin is not None)
+        if kind is CommandKind.TRIM and self.streamed.coarse:
+            return 0
         return self.servos if kind.of_a_servo else 1
 
 

@@ -20,7 +20,7 @@ from servogen.engines.protocol import EngineJob
 from servogen.engines.stream.layout import ROUND
 from servogen.engines.stream.protocol import (
     BITS,
-    MAX_SERVOS,
+    FINE_SERVOS,
     MAX_VALUE,
     NO_TRIM,
     SYNC,
@@ -144,7 +144,7 @@ class Sender:
     def _keep_quiet(self, second: int) -> None:
         per_second = self.streamed.plan.schedule.clock.cycles_per_second
         for kind, pause in PAUSES_S.items():
-            if 0 <= second - kind.value < MAX_SERVOS:
+            if 0 <= second - kind.value < FINE_SERVOS:
                 self.wait(pause * per_second)
 
     def send(self, data: bytes) -> None:
@@ -238,9 +238,13 @@ def _approach(sender: Sender, chip: StreamChip) -> None:
     goals = {}
     for n in servos:
         trim = chip.trim(n).value or 0
+        kept = [(chip.widths[n].value or 0), (chip.goals[n].value or 0)]
+        travel = sender.streamed.travels[n]
         width, goal = (
-            sender.streamed.travels[n].nearest((value.value or 0) - (trim - 0x10000 if trim >> 15 else trim))
-            for value in (chip.widths[n], chip.goals[n])
+            min(max(value - 1, 0), MAX_VALUE)
+            if sender.streamed.coarse
+            else travel.nearest(value - (trim - 0x10000 if trim >> 15 else trim))
+            for value in kept
         )
         goals[n] = goal
         sender.send(position_command(n, width))
@@ -455,7 +459,7 @@ class _Possible:
 def _width(chip: StreamChip, number: int) -> int:
     """Return the width of a slot's pulse; 0 for none."""
     n = number % chip.streamed.layout.slots
-    return (chip.widths[n].value or 0) if n < chip.servos else 0
+    return (chip.pulse(n).value or 0) if n < chip.servos and chip.widths[n].value else 0
 
 
 def _due(streamed: Streaming, number: int, rise: int, width: int) -> list[Edge]:

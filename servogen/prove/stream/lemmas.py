@@ -79,6 +79,8 @@ def between_steps(names: Names, chip: StreamChip, read: Callable[[int], Bits]) -
     """Return what holds between two steps of main: of a chip's variables, and of the bits in the bytes of the
     groups that belong to no servo; `read` reads these bytes.
     """
+    if names.streamed.coarse:
+        return chip.valid()
     everybody = sum(1 << names.group_bit(n) for n in range(names.servos))
     unused_bits = [read(names.at(name)) & (0xFF ^ everybody) for name in ("group", "waiting")]
     return chip.valid() & all_of(bits.equals(0) for bits in unused_bits)
@@ -87,13 +89,19 @@ def between_steps(names: Names, chip: StreamChip, read: Callable[[int], Bits]) -
 def bytes_of(names: Names, chip: StreamChip, slot: Bits) -> dict[int, Bits]:
     """Return the bytes of a chip's variables, by address."""
     content = {}
+    coarse = names.streamed.coarse
     for n in range(names.servos):
-        for name, pair in (("width", chip.widths[n]), ("goal", chip.goals[n])):
+        if coarse:
+            content[names.at("place", n)], content[names.at("goal", n)] = (
+                chip.widths[n][0:8],
+                chip.goals[n][0:8],
+            )
+        for name, pair in () if coarse else (("width", chip.widths[n]), ("goal", chip.goals[n])):
             content[names.at(f"{name}_low", n)] = pair[0:8]
             content[names.at(f"{name}_high", n)] = pair[8:16]
         content[names.at("speed", n)] = chip.speeds[n]
         content[EEPROM + n] = chip.trims[n]
-    for name, members in (("group", chip.group), ("waiting", chip.waiting)):
+    for name, members in () if coarse else (("group", chip.group), ("waiting", chip.waiting)):
         together = byte(0)
         for n, member in enumerate(members):
             together = together | choose(member, byte(1 << names.group_bit(n)), byte(0))
@@ -147,22 +155,26 @@ class Lemmas:
 
     def _chip(self, read: Callable[[int], Bits]) -> StreamChip:
         """Return the chip's variables, read by `read`."""
-        names, servos = self.names, range(self.names.servos)
+        names, servos, coarse = self.names, range(self.names.servos), self.names.streamed.coarse
 
         def pair(name: str, n: int) -> Bits:
             return read(names.at(f"{name}_high", n)).above(read(names.at(f"{name}_low", n)))
 
-        slot, group, waiting = (read(names.at(name)) for name in ("slot", "group", "waiting"))
+        def members(name: str) -> list[Truth]:
+            together = read(names.at(name))
+            return [together.bit(names.group_bit(n)) for n in servos]
+
+        slot, left = read(names.at("slot")), read(names.at("left"))
         silent = names.streamed.stream.fail_safe != HOLD
         return StreamChip(
             names.streamed,
-            [pair("width", n) for n in servos],
-            [pair("goal", n) for n in servos],
+            [read(names.at("place", n)).wide(16) if coarse else pair("width", n) for n in servos],
+            [read(names.at("goal", n)).wide(16) if coarse else pair("goal", n) for n in servos],
             [read(names.at("speed", n)) for n in servos],
             [read(EEPROM + n) for n in servos],
-            [waiting.bit(names.group_bit(n)) for n in servos],
-            [group.bit(names.group_bit(n)) for n in servos],
-            read(names.at("left")),
+            [slot.bit(GATHERING) for _ in servos] if coarse else members("waiting"),
+            [~left.equals(0) for _ in servos] if coarse else members("group"),
+            left,
             slot.bit(STARTING),
             slot.bit(GATHERING),
             read(names.at("silence")) if silent else byte(0),
@@ -262,7 +274,7 @@ class Lemmas:
             chip = StreamChip.after_reset(names.streamed, trims)
             chip.begin_frame()
             chip.prepare(0)
-            wanted = bytes_of(names, chip, byte(0)) | self._pulse(chip, 0)
+            wanted = bytes_of(names, chip, byte(0)) | self._pulse(chip, 0, code, end)
             for name, value in (("todo", NOTHING), ("command", NOTHING), ("rx_bits", 0), ("rest", 0)):
                 wanted[names.at(name)] = byte(value)
             wanted |= {names.at("due"): byte(0), names.at("ticks"): byte(3)}
@@ -276,10 +288,14 @@ class Lemmas:
             raise Fails(f"interrupts are switched before main's loop, at 0x{address:03X}")
         return Accesses(frozenset(code.reads), frozenset(code.writes))
 
-    def _pulse(self, chip: StreamChip, n: int) -> dict[int, Bits]:
+    def _pulse(self, chip: StreamChip, n: int, code: Execution, end: SymbolicState) -> dict[int, Bits]:
         """Return the bytes with which the interrupt makes a servo's pulse; a pulse of 0 has no pin."""
-        names, width = self.names, chip.widths[n]
-        off = width.equals(0)
+        names, chip = self.names, chip.copy()
+        off = chip.widths[n].equals(0)
+        if names.streamed.coarse:
+            # The place at the end is compared on its own: so both sides multiply the same byte.
+            chip.widths[n] = code.byte(end, names.at("place", n)).wide(16)
+        width = chip.pulse(n)
         wanted = {
             names.at("mask"): choose(off, byte(0), byte(1 << int(names.pins[n][2]))),
             names.at("next_hi"): choose(off, byte(1), width[8:16]),
@@ -314,7 +330,6 @@ class Lemmas:
             wanted = self._unchanged(code)
             if following < names.servos:
                 chip.prepare(following)
-                wanted |= self._pulse(chip, following)
             else:
                 wanted |= {names.at("mask"): byte(0), names.at("next_hi"): byte(1)}
                 wanted.pop(names.at("next_lo"))
@@ -324,6 +339,8 @@ class Lemmas:
             wanted |= {names.at("due"): due & 1, names.at("sum_lo"): due, INTCON: byte(ENABLED)}
             where = f"the pulse of slot {following}"
             for end in self._run_to(code, begin, {names.cleared}, where):
+                if following < names.servos:
+                    wanted |= self._pulse(chip, following, code, end)
                 self._compare(where, code, end, wanted, chip.valid())
             reads |= code.reads
             writes |= code.writes

@@ -12,7 +12,7 @@ from fractions import Fraction
 
 from servogen.engines.inputs.serial import HOLD
 from servogen.engines.protocol import EngineJob
-from servogen.engines.stream.firmware import TRIMS, compiled
+from servogen.engines.stream.firmware import compiled
 from servogen.engines.stream.layout import LATEST, ROUND
 from servogen.engines.stream.protocol import BITS, BYTES
 from servogen.engines.stream.response import Response, response
@@ -158,8 +158,9 @@ class _Proof:
     def _widths(self) -> list[str]:
         """Check that every width of the lemmas fits its slot."""
         layout = self.streamed.layout
-        longest = max(travel.maximum for travel in self.streamed.travels) + MOST_TRIM
-        shortest = min(travel.minimum for travel in self.streamed.travels) + LEAST_TRIM
+        least, most = (0, 0) if self.streamed.coarse else (LEAST_TRIM, MOST_TRIM)
+        longest = max(travel.maximum for travel in self.streamed.travels) + most
+        shortest = min(travel.minimum for travel in self.streamed.travels) + least
         if shortest < ROUND or longest > (layout.rounds - 1) * ROUND + LATEST:
             raise UndecidedPart(f"pulses of {shortest} to {longest} cycles do not fit {layout.rounds} rounds")
         return [f"pulses of {shortest} to {longest} cycles, in slots of {layout.rounds * ROUND}"]
@@ -168,7 +169,7 @@ class _Proof:
         """Check that the C is in time, for pulses and for commands."""
         streamed, rounds = self.streamed, self.streamed.layout.rounds
         byte = (streamed.first_units + (BITS - 1) * streamed.bit_units) * UNIT
-        travel = max(travel.maximum - travel.minimum for travel in streamed.travels) + TRIMS
+        travel = streamed.farthest
         bound = response(self.listing, rounds, travel, BYTES * byte)
         # `response` counts one turn for each whole round of travel, and the last look at the remainder.
         if self.lemmas.divided > travel // ROUND + 1:

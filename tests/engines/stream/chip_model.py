@@ -39,6 +39,8 @@ class Receiver:
     """Bytes to commands: what is between a beginning and the next is a command when it has two bytes."""
 
     servos: int
+    trims: bool = True
+    """Whether it is not coarse."""
     answers: bool = False
     """Whether it has a pin to send on; it then hears nothing while it answers."""
     _second: int | None = None
@@ -52,7 +54,7 @@ class Receiver:
             self._begun, self._second = False, value
         elif self._second is not None:
             second, self._second = self._second, None
-            return command_of(second, value, self.servos, answers=self.answers)
+            return command_of(second, value, self.servos, answers=self.answers, trims=self.trims)
         return None
 
     def broken(self) -> None:
@@ -62,7 +64,10 @@ class Receiver:
 
 @dataclass(slots=True)
 class Chip:
-    """The chip's variables; it starts as after a reset. A width of 0 is a servo without pulses."""
+    """The chip's variables; it starts as after a reset. A width of 0 is a servo without pulses.
+
+    A coarse chip's widths and goals are positions and 1, and its group is all servos.
+    """
 
     streamed: Streaming
     eeprom: dict[int, int] = field(default_factory=dict)
@@ -79,31 +84,38 @@ class Chip:
     _silence: int = 0
 
     def __post_init__(self) -> None:
-        self._goals = [width + self.trim(n) for n, width in enumerate(self.streamed.neutral)]
+        self._goals = [self._neutral(n) for n in range(len(self.streamed.neutral))]
         self._widths = list(self._goals)
         self._speeds = [0] * len(self._goals)
 
     def trim(self, n: int) -> int:
         return trim_cycles(self.eeprom.get(n, NO_TRIM))
 
+    def _neutral(self, n: int) -> int:
+        width = self.streamed.neutral[n]
+        return self.streamed.travels[n].nearest(width) + 1 if self.streamed.coarse else width + self.trim(n)
+
     def execute(self, command: StreamCommand) -> None:
         """What a command does."""
-        n, value = command.servo, command.value
+        n, value, everybody = command.servo, command.value, set(range(len(self._goals)))
+        coarse = self.streamed.coarse
         if command.kind is CommandKind.POSITION:
-            self._goals[n] = self.streamed.travels[n].width(value) + self.trim(n)
+            self._goals[n] = value + 1 if coarse else self.streamed.travels[n].width(value) + self.trim(n)
             if not self._widths[n]:
                 self._widths[n] = self._goals[n]
-            self._group.discard(n)
-            (self._waiting.add if self._gathering else self._waiting.discard)(n)
+            if not coarse:
+                self._group.discard(n)
+                (self._waiting.add if self._gathering else self._waiting.discard)(n)
         elif command.kind is CommandKind.SPEED:
             self._speeds[n] = value
         elif command.kind is CommandKind.TRIM:
             self._set_trim(n, value - TRIM_ZERO)
         elif command.kind is CommandKind.GROUP and value:
             self._gathering, self._starting = False, True
-            self._group, self._waiting, self._left = self._waiting, set(), value
+            self._group, self._waiting, self._left = everybody if coarse else self._waiting, set(), value
         elif command.kind is CommandKind.GROUP:
             self._gathering = True
+            self._waiting = everybody if coarse else self._waiting
         self._silence = 0
 
     def _set_trim(self, n: int, cycles: int) -> None:
@@ -131,7 +143,7 @@ class Chip:
         """The width of servo n's next pulse."""
         fail_safe = self.streamed.stream.fail_safe
         if self._silence == self.streamed.silence_frames and fail_safe == NEUTRAL and n in self._group:
-            self._goals[n] = self.streamed.neutral[n] + self.trim(n)
+            self._goals[n] = self._neutral(n)
         if self._silence >= self.streamed.silence_frames and fail_safe == OFF:
             self._goals[n] = self._widths[n] = 0
         way = self._goals[n] - self._widths[n]
@@ -143,6 +155,8 @@ class Chip:
         elif self._speeds[n]:
             step = min(step, self._speeds[n])
         self._widths[n] += step if way > 0 else -step
+        if self.streamed.coarse and self._widths[n]:
+            return self.streamed.travels[n].width(self._widths[n] - 1)
         return Cycles(self._widths[n]) or None
 
 

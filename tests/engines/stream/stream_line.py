@@ -12,6 +12,7 @@ from fractions import Fraction
 
 from servogen.edges import HIGH, LOW
 from servogen.engines.stream.protocol import (
+    FINE_SERVOS,
     MAX_VALUE,
     SYNC,
     CommandKind,
@@ -53,7 +54,7 @@ class Line:
 
     def __post_init__(self) -> None:
         answers = self.streamed.stream.transmit_pin is not None
-        self._receiver = Receiver(len(self.streamed.neutral), answers)
+        self._receiver = Receiver(len(self.streamed.neutral), not self.streamed.coarse, answers)
         self.changes_made.append(LevelChange(0, self.pin, HIGH))
 
     @property
@@ -155,11 +156,11 @@ def group(line: Line, servo: int) -> None:
 
 def trim(line: Line, servo: int) -> None:
     cycles = line.dice.randint(-127, 127)
-    line.send(trim_command(servo, cycles + (cycles == -1)))
+    line.send(trim_command(servo % FINE_SERVOS, cycles + (cycles == -1)))
 
 
 def query(line: Line, servo: int) -> None:
-    line.send(query_command(servo, low=line.dice.random() < 0.5))
+    line.send(query_command(servo % FINE_SERVOS, low=line.dice.random() < 0.5))
 
 
 def torn(line: Line, servo: int) -> None:

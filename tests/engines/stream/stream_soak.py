@@ -24,6 +24,15 @@ from tests.engines.stream.stream_line import Line
 
 JOBS = Path(__file__).parents[3] / "jobs"
 OPTIONS = SimulatorOptions()
+TWELVE = (
+    '[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n'
+    + "".join(
+        f'[[servo]]\nname = "{pin}"\npin = "{pin}"\nmodel = "futaba-s3001"\n'
+        for pin in (*(f"RB{n}" for n in range(8)), *(f"RA{n}" for n in range(4)))
+    )
+    + '[stream]\nfail_safe = "off"\n[frame]\nperiod_us = 28_000\n'
+)
+"""A job whose chip is coarse: one pin is left, for the line."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -49,13 +49,17 @@ def test_a_command_is_what_its_bytes_say_and_all_other_bytes_are_none() -> None:
         assert command_of(second, 0xFF) is None
     assert command_of(3, 17, servos=3) is None
     assert command_of(0xF0, 1, answers=False) is None
+    assert command_of(0xC2, 17, servos=12, trims=False) is None
+    assert command_of(0x4B, 17, servos=12, trims=False) == StreamCommand(CommandKind.SPEED, 11, 17)
     assert command_of(0x42, 17, servos=3) == StreamCommand(CommandKind.SPEED, 2, 17)
 
 
 @pytest.mark.parametrize(
     "wrong",
     [
-        lambda: position_command(8, 0),
+        lambda: position_command(12, 0),
+        lambda: trim_command(8, 0),
+        lambda: query_command(8),
         lambda: position_command(0, 255),
         lambda: position_command(-1, 0),
         lambda: group_goes(0),

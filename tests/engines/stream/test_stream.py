@@ -14,7 +14,7 @@ import pytest
 from servogen.compiler import Options, Source, compile_sources
 from servogen.edges import HIGH, LOW, PINS, Driven, EdgeChunk, EdgeTrace, join, part
 from servogen.engines.board import board_of
-from servogen.engines.stream.firmware import compiled
+from servogen.engines.stream.firmware import compiled, timing_budgets
 from servogen.engines.stream.firmware import firmware as made_of
 from servogen.engines.stream.layout import RoundLayout
 from servogen.engines.stream.protocol import (
@@ -43,7 +43,7 @@ from tests.engines.player.player_jobs import built
 from tests.engines.stream import stream_soak
 from tests.engines.stream.chip_model import Chip, schedule, widths
 from tests.engines.stream.stream_line import Line, group, talk
-from tests.engines.stream.stream_soak import JOBS, Firmware, check, firmware_of, line_of
+from tests.engines.stream.stream_soak import JOBS, TWELVE, Firmware, check, firmware_of, line_of
 from tests.workflows.other_compilers import sdcc, sdcc_compiled
 
 NAMES = ("stream-arm", "stream-eight", "stream-fast")
@@ -348,9 +348,12 @@ TWO_PORTS = (
 )
 
 
+@pytest.mark.parametrize("text", [TWO_PORTS, TWELVE])
 @pytest.mark.parametrize("dialect", sampled(["c2c", "xc8", "sdcc"]))
-def test_servos_on_both_ports_are_exact(dialect: str) -> None:
-    made = firmware_of(plan_job(loads(TWO_PORTS, "two-ports.toml")), dialect)
+def test_servos_on_both_ports_are_exact_and_always_in_time(dialect: str, text: str) -> None:
+    made = firmware_of(plan_job(loads(text, "two-ports.toml")), dialect)
+    (bound, _) = timing_budgets(made.listing, made.streamed)
+    assert bound.left is not None and bound.left > 0
     line = line_of(made, 16)
     talk(line, 5)
     verdict = check(made, line)

@@ -44,7 +44,8 @@ def refusal(call: Any) -> tuple[str, str, str | None]:
 def test_the_last_numbers_that_a_command_holds_and_the_first_that_it_does_not() -> None:
     assert position_command(7, 254) == bytes((0xFF, 7, 254)) and speed_command(0, 0) == bytes((0xFF, 0x40, 0))
     no_servo = ("unknown-servo", "there is no servo 8", "servos are 0 to 7")
-    assert refusal(lambda: position_command(8, 0)) == no_servo
+    assert refusal(lambda: position_command(12, 0))[2] == "servos are 0 to 11"
+    assert refusal(lambda: trim_command(8, 0)) == no_servo
     assert refusal(lambda: query_command(8)) == no_servo
     assert refusal(lambda: query_command(-1))[1] == "there is no servo -1"
     assert query_command(7) == bytes((0xFF, 0xF0, 7)) and query_command(7, low=True)[2] == 15
