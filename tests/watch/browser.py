@@ -214,6 +214,12 @@ class Page:
         self.call("Input.dispatchKeyEvent", type="keyDown", **common, **({"text": text} if text else {}))
         self.call("Input.dispatchKeyEvent", type="keyUp", **common)
 
+    def plays(self, to_us: float) -> None:
+        """Let the film play to a moment and stop at the next picture, however slow this machine is."""
+        play = "document.getElementById('play').click()"
+        look = f"film.time > {to_us} ? done({play}) : requestAnimationFrame(look)"
+        self.run(f"new Promise(done => {{ {play}; const look = () => {{ {look}; }}; look(); }})")
+
     def size(self, width: int, height: int) -> None:
         self.call(
             "Emulation.setDeviceMetricsOverride",

@@ -9,7 +9,7 @@ import pytest
 
 from servogen.job import load, plan_job
 from servogen.workflows.reporting import page_of
-from tests.watch.browser import Browser, Page, needs_axe, violations, wait
+from tests.watch.browser import Browser, Page, needs_axe, violations
 
 ROOT = Path(__file__).parent.parent.parent
 MAX_BYTES = 1_000_000
@@ -27,7 +27,7 @@ def page(file: Path, browser: Browser) -> Iterator[Page]:
     """The page as it opens from disk on a phone; nothing may go wrong in it, and nothing be asked for."""
     opened = browser.page(width=390, height=844)
     opened.call("Page.navigate", url=file.as_uri())
-    wait(lambda: bool(opened.run("document.readyState === 'complete' && typeof film !== 'undefined'")))
+    opened.arrives(file.as_uri(), "typeof film !== 'undefined'")
     yield opened
     opened.run("0")
     assert opened.problems == []
@@ -67,9 +67,7 @@ def test_it_plays_and_a_servo_that_is_switched_off_stays(page: Page) -> None:
     go(page, 2.0)
     page.run("document.querySelectorAll('#servos input')[0].click()")
     before = angles(page)
-    page.click("#play")
-    wait(lambda: bool(page.run("film.time > 2.5e6")))
-    page.click("#play")
+    page.plays(2.5e6)
     after = angles(page)
     assert after[0] == before[0]
     assert max(abs(one - other) for one, other in zip(before, after, strict=True)) > 0.05
