@@ -22,7 +22,7 @@ from servogen.twin.run import SAMPLE_S
 from servogen.watch.live_bodies import LiveBodies
 from servogen.watch.session import WatchSession
 from servogen.watch.subject import Setting, Subject, load_subject
-from tests.watch.test_session import captured
+from tests.watch.test_session import answer, captured
 
 ROOT = Path(__file__).parent.parent.parent
 S = 1_000_000
@@ -41,7 +41,7 @@ def walk() -> Subject:
 
 def shown(session: WatchSession, cycle: int) -> dict[str, Any]:
     """The bodies of a moment, when they have got there."""
-    list(session.handle({"do": "seek", "cycle": cycle}))
+    answer(session, do="seek", cycle=cycle)
     assert session.bodies is not None
     return list(session.bodies.follow(600))[-1]
 
@@ -157,7 +157,7 @@ def test_snapshots_are_thinned_out_and_the_past_stays_the_same(
 
 def test_bodies_that_are_too_slow_say_how_far_behind_they_are(walk: Subject) -> None:
     session, _ = with_bodies(walk)
-    list(session.handle({"do": "seek", "cycle": 65_432}))
+    answer(session, do="seek", cycle=65_432)
     assert session.bodies is not None
     found = [next(session.bodies.follow(0)) for _ in range(4)]  # 20 steps each
     assert [each["seconds"] for each in found] == [0.02, 0.04, 0.06, 0.065]
@@ -178,7 +178,7 @@ def test_the_bodies_follow_while_the_chip_runs_and_after_it_stops(walk: Subject)
         said += found
     assert said[-1]["behind"] == 0 and said[-1]["seconds"] == session.now // 1000 / 1000 > 0.49
     list(session.handle({"do": "bodies", "on": False}))
-    list(session.handle({"do": "seek", "cycle": S}))
+    answer(session, do="seek", cycle=S)
     assert list(session.tick(0.05)) == []
 
 

@@ -57,7 +57,7 @@ def answer(session: WatchSession, **request: Any) -> dict[str, Any]:
 def arrived(session: WatchSession) -> dict[str, Any]:
     """What is shown at the end of a way."""
     while True:
-        (message,) = session.tick(0.0)
+        message = next(session.tick(0.0))  # and no more: bodies would follow
         if message["is"] != "going":
             return message
 

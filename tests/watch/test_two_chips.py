@@ -153,7 +153,7 @@ def test_the_bodies_follow_both_chips(subject: Subject, chip: int) -> None:
     assert session.bodies is not None
     pose = []
     for cycle in (1_000_000, 2_400_000):
-        list(session.handle({"do": "seek", "cycle": cycle}))
+        answer(session, do="seek", cycle=cycle)
         (found,) = session.bodies.follow(600)
         pose.append(np.reshape(found["points"], (-1, 3)))
     # The shoulder's link moves, and the elbow's moves otherwise.
