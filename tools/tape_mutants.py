@@ -14,7 +14,12 @@ words that change nothing in these runs are listed.
 
 With `--proofs N`, both witnesses of a proof judge the mutants: the checker each, with the certificate of the
 right program and tape (`main.cert.xz`, of `servogen build --prove`) whose head is corrected, and the prover N
-of them. Exit code 1 if one of them takes a mutant for proven that goes wrong in a plain run with the tape.
+of them, from the cut points of the right program on. The counts so far are printed after every ten mutants.
+Exit code 1 if one of the witnesses takes a mutant for proven that goes wrong in a plain run with the tape.
+docs/examples/tape/short.toml has every class of bytes in so few frames that a proof takes seconds:
+
+    servogen build docs/examples/tape/short.toml --prove --output build/short
+    python tools/tape_mutants.py build/short --count 300 --proofs 300
 """
 
 from __future__ import annotations
@@ -26,6 +31,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
+from itertools import zip_longest
 from pathlib import Path
 
 from servogen.checker import Refused, check_certificate, read_certificate
@@ -35,8 +41,8 @@ from servogen.engines.board import machine_of
 from servogen.engines.tape.content import END, FIRST, FULL, KINDS, SILENT, STEP
 from servogen.pic.image import Image
 from servogen.pic.isa import decode
-from servogen.programs import Program, read_program, read_schedule
-from servogen.prove import prove_for_all
+from servogen.programs import Program, compile_program, read_schedule
+from servogen.prove import Proof, prove_for_all
 from servogen.pulse import PulseSchedule
 from servogen.pulse.expected import expected
 from servogen.simulator import EEPROM24, SimulatorOptions, on_pins
@@ -44,8 +50,10 @@ from servogen.units import Cycles
 from servogen.workflows.verification import judge_edges, motion_cycles
 
 READER = ("start", "give", "take", "fail", "seek", "check", "read_record", "step")
-MOST_STATES = 400
-"""More than the right program has."""
+MOST_STATES = 10
+"""The states of a mutant's proof, as a multiple of those of the right program."""
+TOLD_AFTER = 10
+"""The mutants between two prints of the counts."""
 BEYOND_FRAMES = 40
 """The frames after the motion, so that the way back to the loop is run."""
 
@@ -151,8 +159,10 @@ def word_mutants(program: Program, count: int, rng: random.Random) -> Iterator[t
             yield address, replace(program.image, program=changed)
 
 
-def witnessed(schedule: PulseSchedule, image: Image, claim: Certificate, proofs: int) -> str:
-    """Return what the checker says of a mutant with a forged certificate, and, if asked for, the prover."""
+def witnessed(schedule: PulseSchedule, image: Image, claim: Certificate, right: Proof | None) -> str:
+    """Return what the checker says of a mutant with a forged certificate, and the prover, if the proof of the
+    right program is given.
+    """
     assert schedule.tape is not None
     content = schedule.tape.content
     forged = replace(claim, image=fingerprint(image), tape=sha256(content).hexdigest())
@@ -161,8 +171,8 @@ def witnessed(schedule: PulseSchedule, image: Image, claim: Certificate, proofs:
         answer = "ACCEPTED"
     except Refused:
         answer = "refused"
-    if proofs:
-        proof = prove_for_all(image, schedule, max_states=MOST_STATES)
+    if right:
+        proof = prove_for_all(image, schedule, max_states=MOST_STATES * right.states, cuts=right.cuts)
         shown = "counterexample" if proof.counterexample else "not decided"
         answer += f", {'PROVEN' if proof.proven else shown}"
     return answer
@@ -170,6 +180,7 @@ def witnessed(schedule: PulseSchedule, image: Image, claim: Certificate, proofs:
 
 def attack(
     schedule: PulseSchedule,
+    program: Image,
     mutants: Sequence[tuple[str, PulseSchedule, Image]],
     claim: Certificate,
     proofs: int,
@@ -178,14 +189,17 @@ def attack(
     span = Cycles(motion_cycles(schedule) + BEYOND_FRAMES * schedule.period)
     cycles = schedule.run_cycles(span)
     counts: Counter[tuple[str, str, str]] = Counter()
+    right = prove_for_all(program, schedule) if proofs else None
     for number, (name, board, image) in enumerate(mutants):
         trace = EdgeTrace(schedule.clock, (machine_of(board, image).run(cycles),), Cycles(cycles))
         how = "right in a run" if judge_edges(schedule, trace, span).passed else "wrong"
         # Evenly among all of them.
-        asked = proofs and number * proofs // len(mutants) != (number + 1) * proofs // len(mutants)
-        counts[name, how, witnessed(board, image, claim, asked)] += 1
-    for (name, how, answer), count in sorted(counts.items()):
-        print(f"{name:14} {how:14} {answer:24} {count:4}", flush=True)
+        asked = number * proofs // len(mutants) != (number + 1) * proofs // len(mutants)
+        counts[name, how, witnessed(board, image, claim, right if asked else None)] += 1
+        if (number + 1) % TOLD_AFTER == 0 or number + 1 == len(mutants):
+            print(f"{number + 1} of {len(mutants)} mutants", flush=True)
+            for (each, ran, answer), count in sorted(counts.items()):
+                print(f"{each:14} {ran:14} {answer:24} {count:4}", flush=True)
     return sum(count for (_, how, answer), count in counts.items() if how == "wrong" and not answer.islower())
 
 
@@ -207,7 +221,7 @@ def main() -> int:
     parser.add_argument("--proofs", type=int, metavar="N", help="judge by the checker, and N by the prover")
     given = parser.parse_args()
     schedule = read_schedule(given.folder / "schedule.json")
-    program = read_program(given.folder / "main.c2c.c", schedule.device)
+    program = compile_program(given.folder / "main.c2c.c", schedule.device)
     if schedule.tape is None or program.listing is None:
         parser.error(f"{given.folder} is no build of a tape")
     data, servos, rng = schedule.tape.content, len(schedule.channels), random.Random(given.seed)
@@ -218,9 +232,11 @@ def main() -> int:
         claim = read_certificate(file.read_bytes(), str(file))
         tapes = tape_mutants(data, servos, given.count - given.count // 2, rng)
         words = word_mutants(program, given.count // 2, rng)
-        mutants = [(name, with_content(schedule, mutant), program.image) for name, mutant in tapes]
-        mutants += [("reader's word", schedule, image) for _, image in words]
-        return int(attack(schedule, mutants, claim, given.proofs) > 0)
+        wrong = [(name, with_content(schedule, mutant), program.image) for name, mutant in tapes]
+        others = [("reader's word", schedule, image) for _, image in words]
+        # In turn, so that the counts so far are of both.
+        mutants = [each for pair in zip_longest(wrong, others) for each in pair if each]
+        return int(attack(schedule, program.image, mutants, claim, given.proofs) > 0)
     lost = program.listing.variable("lost")
     assert lost is not None
     counts: Counter[tuple[str, str]] = Counter()

@@ -13,7 +13,7 @@ it hears the same and stood at the beginning.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -21,18 +21,24 @@ import numpy as np
 
 from servogen.bench.virtual.chip import HeldButtons, Levels, VirtualChip
 from servogen.bench.virtual.serial_line import LineStimulus
+from servogen.compiler import Compilation
 from servogen.drive.commands import NEXT, QUIT, STOP, CommandSource
 from servogen.drive.serial_link import SerialLink, Time
 from servogen.edges import PINS, edge_chunk
 from servogen.engines.board import board_of
+from servogen.engines.inputs import given
 from servogen.engines.inputs.buttons import PRESSED_FRAMES
-from servogen.engines.inputs.commands import CommandButton, CommandLine, uart_byte
+from servogen.engines.inputs.commands import CommandButton, Commander, CommandLine, uart_byte
+from servogen.engines.inputs.tape import Tape
 from servogen.engines.player.engine import play
 from servogen.engines.player.firmware import compiled
 from servogen.engines.player.script import DirectionPlaces
+from servogen.engines.tape.firmware import compiled as compiled_tape
+from servogen.engines.tape.taping import taped
 from servogen.errors import InputError, did_you_mean
 from servogen.job import PlannedJob
 from servogen.pic.device import RAM_FIRST
+from servogen.pulse import PulseSchedule
 from servogen.pulses import PulseReader
 
 if TYPE_CHECKING:
@@ -90,13 +96,10 @@ class Twin:
 
     def __init__(self, job: PlannedJob) -> None:
         """Compile the job's program and switch the chip on. Raises InputError."""
-        _, played, _ = play(job)
-        assert played.chain is not None
-        compilation = compiled(job, played, job.firmware.dialect).compilation
-        schedule = played.plan.schedule
-        self._chain: DirectionPlaces = played.chain
-        self._variable = {name: compilation.listing.variable(name) for name in ("begun", "until")}
-        self._stimulus = _stimulus_of(job, self._chain, int(schedule.period))
+        assert job.commands is not None
+        self._read = job.commands
+        schedule, compilation, self._playing = _playing(job)
+        self._stimulus = _stimulus_of(job, self._read, int(schedule.period))
         self._chip = VirtualChip(compilation.image, job.clock, board_of(schedule), stimulus=self._stimulus)
         self._chip.listeners.append(self._heard)
         self._period = int(schedule.period)
@@ -111,10 +114,10 @@ class Twin:
     @property
     def directions(self) -> tuple[str, ...]:
         """Return the names of the directions that can be commanded; one button commands the next one."""
-        read = self._chain.read
+        read = self._read
         if isinstance(read, CommandButton):
             return (NEXT,)
-        return self._chain.names if isinstance(read, CommandLine) else tuple(read.buttons)
+        return self._playing.names if isinstance(read, CommandLine) else tuple(read.buttons)
 
     @property
     def seconds(self) -> float:
@@ -125,7 +128,7 @@ class Twin:
         """Give a command to the chip and return the bytes put on its line; none if it has buttons."""
         direction = None if command == STOP else command
         if isinstance(self._stimulus, HeldButtons):
-            if isinstance(self._chain.read, CommandButton):
+            if isinstance(self._read, CommandButton):
                 if direction or self._walks:
                     # One frame more than a press needs, in case it begins after the button was read in its
                     # frame.
@@ -134,7 +137,8 @@ class Twin:
             else:
                 self._stimulus.held = direction or ""
             return b""
-        code = bytes([uart_byte(direction)] * REPEATS)
+        assert isinstance(self._read, CommandLine)
+        code = bytes([uart_byte(direction, self._read.codes)] * REPEATS)
         self._stimulus.waiting.extend(code)
         return code
 
@@ -142,7 +146,7 @@ class Twin:
         """Run the chip for one frame and return its state at the end."""
         self._chip.run(self._period)
         self._frames += 1
-        direction, part = self._direction()
+        direction, part = self._playing.now(self._chip.machine.state().ram)
         return CommandedFrame(
             seconds=self.seconds,
             frame=self._frames,
@@ -150,15 +154,6 @@ class Twin:
             part=part,
             widths_us=dict(self._widths),
         )
-
-    def _direction(self) -> tuple[str, str]:
-        ram = self._chip.machine.state().ram
-        begun, until = (ram[self._variable[name] - RAM_FIRST] for name in ("begun", "until"))
-        # The starts of the direction's start, cycle and stop, and its end; `begun` 0 is standing.
-        places = self._chain.places[2 * begun : 2 * begun + 4]
-        if not begun:
-            return (STANCE if until == places[1] else LEAD_IN), ""
-        return self._chain.names[begun // 2 - 1], PARTS[places.index(until, 1) - 1]
 
     def _heard(self, levels: Levels, now: int) -> None:
         """Measure the pulses in the changes of the pins."""
@@ -171,11 +166,71 @@ class Twin:
             self._widths[self._pins[pin]] = float(self._clock.us(width))
 
 
-def _stimulus_of(job: PlannedJob, chain: DirectionPlaces, period: int) -> LineStimulus | HeldButtons:
+@dataclass(frozen=True, slots=True)
+class _Walk:
+    """What the player's variables say: the direction that was begun, and where its part ends."""
+
+    chain: DirectionPlaces
+    begun: int
+    until: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self.chain.names
+
+    def now(self, ram: Sequence[int]) -> tuple[str, str]:
+        """Return the direction and its part."""
+        begun, until = ram[self.begun], ram[self.until]
+        # The starts of the direction's start, cycle and stop, and its end; `begun` 0 is standing.
+        places = self.chain.places[2 * begun : 2 * begun + 4]
+        if not begun:
+            return (STANCE if until == places[1] else LEAD_IN), ""
+        return self.chain.names[begun // 2 - 1], PARTS[places.index(until, 1) - 1]
+
+
+@dataclass(frozen=True, slots=True)
+class _Tape:
+    """What the variable of a tape's program says: twice the number of the direction that it plays, the last
+    one first; which part of it the tape alone knows.
+    """
+
+    names: tuple[str, ...]
+    walking: int
+
+    def now(self, ram: Sequence[int]) -> tuple[str, str]:
+        """Return the direction, and no part."""
+        number = ram[self.walking] // 2
+        return (self.names[-number] if number else STANCE), ""
+
+
+def _playing(job: PlannedJob) -> tuple[PulseSchedule, Compilation, _Walk | _Tape]:
+    """Return the job's program, and what its variables say."""
+    if given(job.inputs, Tape) is not None:
+        made = taped(job)
+        compilation = compiled_tape(job, made, job.firmware.dialect).compilation
+        rule = made.plan.schedule.commands
+        assert rule is not None
+        names = tuple(direction.name for direction in rule.directions)
+        return made.plan.schedule, compilation, _Tape(names, *_places(compilation, "walking"))
+    _, played, _ = play(job)
+    assert played.chain is not None
+    compilation = compiled(job, played, job.firmware.dialect).compilation
+    return played.plan.schedule, compilation, _Walk(played.chain, *_places(compilation, "begun", "until"))
+
+
+def _places(compilation: Compilation, *names: str) -> Iterator[int]:
+    """Yield where variables are in the RAM."""
+    for name in names:
+        address = compilation.listing.variable(name)
+        assert address is not None
+        yield address - RAM_FIRST
+
+
+def _stimulus_of(job: PlannedJob, read: Commander, period: int) -> LineStimulus | HeldButtons:
     """Return the line at rest, or the buttons, none of them pressed."""
-    if isinstance(chain.read, CommandLine):
-        return LineStimulus(PINS.index(chain.read.pin), line_baud(job))
-    named = {NEXT: chain.read.button} if isinstance(chain.read, CommandButton) else chain.read.buttons
+    if isinstance(read, CommandLine):
+        return LineStimulus(PINS.index(read.pin), line_baud(job))
+    named = {NEXT: read.button} if isinstance(read, CommandButton) else read.buttons
     buttons = {name: (PINS.index(button.pin), button.level) for name, button in named.items()}
     return HeldButtons(buttons, period)
 

@@ -56,7 +56,7 @@ ENGINES: Mapping[str, EngineEntry] = MappingProxyType(
         ),
         "tape": EngineEntry(
             "servogen.engines.tape.engine",
-            accepts=(Tape.kind,),
+            accepts=(Tape.kind, ControlButtons.kind, COMMANDS),
             needs=(Tape.kind,),
             section="servogen.engines.tape.section",
         ),

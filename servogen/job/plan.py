@@ -18,6 +18,7 @@ from servogen.job.followers import followed, unlike_mirrors
 from servogen.job.job import Job, NamedPose, PlannedJob
 from servogen.job.poses import poses_of
 from servogen.job.schema import SECTIONS, DriveTable, MotionTable, ProgramTable, Section, WalkTable
+from servogen.job.segments import chosen
 from servogen.job.walks import walk_of, walk_on_command
 from servogen.kinematics.statics import gravity_torques, has_masses
 from servogen.motion import JointTrajectory, Motion, PlannedPoses, trajectory
@@ -159,7 +160,11 @@ def _motion(
             )
             rows = zip(section.poses, poses, strict=True)
             named = tuple(NamedPose(row.name, pose.angles) for row, pose in rows)
-            return trajectory(motion, period, job.clock), named, ()
+            planned = trajectory(motion, period, job.clock)
+            if section.commands is None:
+                return planned, named, ()
+            rest, segments = chosen(job.document, section.commands, planned)
+            return rest, named, segments
         case WalkTable():
             if section.commands is not None:
                 walk, directions = walk_on_command(job, section, section.commands, _joint_limits(job, limits))

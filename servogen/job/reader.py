@@ -7,21 +7,23 @@ at its clock, and combinations that no engine supports.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from servogen.edges import PINS
-from servogen.engines.inputs import EngineInput, check_free
+from servogen.engines.inputs import EngineInput, check_free, given
 from servogen.engines.inputs.buttons import ButtonPin, ControlButtons
 from servogen.engines.inputs.commands import (
+    CODES,
     COMMANDS,
     CommandButton,
     CommandButtons,
     Commander,
     CommandLine,
 )
+from servogen.engines.inputs.tape import Tape
 from servogen.engines.registry import ENGINES, sections, suitable
 from servogen.errors import InputError, Location, did_you_mean
 from servogen.job.chips import check_alone, chips_of, of_one_chip
@@ -35,6 +37,7 @@ from servogen.job.schema import (
     ExpectTable,
     FirmwareTable,
     JobTable,
+    MotionCommandsTable,
     Section,
     SensorTable,
 )
@@ -58,7 +61,7 @@ def firmware_of(
     """Return the program that a job requests, and the inputs that it states. Raises InputError."""
     wanted = table.firmware
     stated = _section_inputs(document, table, servos, clock)
-    buttons = _buttons(document, wanted, servos)
+    buttons = _buttons(document, wanted, servos, stated)
     commands = _commands(document, table, servos, buttons, stated)
     inputs = (*stated.values(), *([buttons] if buttons.any else []), *([commands] if commands else []))
     if wanted.engine == AUTO:
@@ -108,7 +111,9 @@ def _section_inputs(
     return found
 
 
-def _buttons(document: Document, table: FirmwareTable, servos: Sequence[Servo]) -> ControlButtons:
+def _buttons(
+    document: Document, table: FirmwareTable, servos: Sequence[Servo], stated: Mapping[str, EngineInput]
+) -> ControlButtons:
     """Return the start button and the emergency stop. Raises InputError."""
     buttons: dict[str, ButtonPin] = {}
     for name in ("start", "stop"):
@@ -128,8 +133,7 @@ def _buttons(document: Document, table: FirmwareTable, servos: Sequence[Servo]) 
                 f"the {table.engine} engine does not read buttons",
                 'write engine = "player"',
             )
-        taken = {servo.pin: servo.name for servo in servos}
-        taken |= {button.pin: name for name, button in buttons.items()}
+        taken = _taken(servos, stated) | {button.pin: name for name, button in buttons.items()}
         check_free(document, where, pin, taken, "a button needs a pin of its own")
         turning = next((servo.name for servo in servos if servo.model.continuous), None)
         if name == "stop" and table.stop_pulses == "hold" and turning is not None:
@@ -151,13 +155,20 @@ def _commands(
     buttons: ControlButtons,
     stated: Mapping[str, EngineInput],
 ) -> Commander | None:
-    """Return the inputs for commands of a walk. Raises InputError."""
-    asked = table.walk.commands if table.walk else None
+    """Return the inputs for commands of a walk, or for segments of a motion. Raises InputError."""
+    asked = next((each.commands for each in (table.walk, table.motion) if each and each.commands), None)
     if asked is None:
         return None
-    key = ("walk", "commands")
+    chosen = isinstance(asked, MotionCommandsTable)
+    if isinstance(asked, MotionCommandsTable):
+        _check_names(document, asked)
+    key = ("motion" if chosen else "walk", "commands")
     engine = table.firmware.engine
     own = next((name for name in stated if getattr(table, name) is not None), None)
+    if chosen and given(stated.values(), Tape) is None:
+        raise document.error(
+            "engine-unsupported", key, "only the tape plays segments on command", "add a table [tape]"
+        )
     if not suitable({COMMANDS, *(each.kind for each in stated.values())}) or (
         engine != AUTO and COMMANDS not in ENGINES[engine].accepts
     ):
@@ -171,39 +182,50 @@ def _commands(
         raise document.error(
             "engine-unsupported",
             key,
-            "a walk on command has no start_pin and no stop_pin",
-            "remove them: commands start and stop the walk",
+            f"a {key[0]} on command has no start_pin and no stop_pin",
+            f"remove them: commands start and stop the {key[0]}",
         )
     named = [name for name in ("pin", "buttons", "button") if getattr(asked, name) is not None]
     if len(named) > 1:
         raise document.error(
             "conflicting-keys",
             (*key, named[0]),
-            f"a walk has either {named[0]} or {named[1]}",
+            f"a {key[0]} has either {named[0]} or {named[1]}",
             "remove one",
         )
-    taken = {servo.pin: servo.name for servo in servos}
+    taken = _taken(servos, stated)
     if asked.button is not None:
         where = (*key, "button")
         check_free(document, where, asked.button, taken, OWN_PIN)
         return CommandButton(
-            ButtonPin(asked.button, int(asked.button_level == "high"), document.place(*where))
+            ButtonPin(asked.button, int(asked.button_level == "high"), document.place(*where)), key[0]
         )
-    if asked.buttons is None:
-        if "button_level" in document.data["walk"]["commands"]:
-            raise document.error("missing-key", (*key, "button_level"), "there are no buttons")
-        pin = "RA4" if asked.pin is None else asked.pin
-        check_free(document, (*key, "pin"), pin, taken, OWN_PIN)
-        return CommandLine(pin)
-    return _direction_buttons(document, asked, asked.buttons, taken)
+    if asked.buttons is not None:
+        if isinstance(asked, CommandsTable):
+            pins = _direction_pins(document, asked)
+        else:
+            pins = _chosen_pins(document, asked)
+        level = int(asked.button_level == "high")
+        return CommandButtons(dict(_named_buttons(document, (*key, "buttons"), pins, level, taken)))
+    if "button_level" in document.data[key[0]]["commands"]:
+        raise document.error("missing-key", (*key, "button_level"), "there are no buttons")
+    pin = "RA4" if asked.pin is None else asked.pin
+    check_free(document, (*key, "pin"), pin, taken, OWN_PIN)
+    return CommandLine(pin) if isinstance(asked, CommandsTable) else CommandLine(pin, _codes(document, asked))
 
 
-def _direction_buttons(
-    document: Document, asked: CommandsTable, wanted: DirectionPins, taken: Mapping[str, str]
-) -> CommandButtons:
-    """Return the buttons of a walk's directions. Raises InputError."""
+def _taken(servos: Sequence[Servo], stated: Mapping[str, EngineInput]) -> dict[str, str]:
+    """Return what is on the pins of servos and of the EEPROM."""
+    tape = given(stated.values(), Tape)
+    return {servo.pin: servo.name for servo in servos} | (tape.pins if tape else {})
+
+
+def _direction_pins(document: Document, asked: CommandsTable) -> dict[str, str]:
+    """Return the pins of the buttons of a walk's directions. Raises InputError."""
     key = ("walk", "commands", "buttons")
-    pins = {name: pin for name, pin in wanted.model_dump().items() if pin is not None}
+    pins = {
+        name: pin for name, pin in (asked.buttons or DirectionPins()).model_dump().items() if pin is not None
+    }
     if not pins:
         raise document.error("missing-key", key, "no direction has a button", 'add forward = "RA4"')
     for names, value, what in (
@@ -223,14 +245,54 @@ def _direction_buttons(
                 f"neither {names[0]} nor {names[1]} has a button",
                 f"remove {unused}, or add a button",
             )
-    level = int(asked.button_level == "high")
+    return pins
+
+
+def _check_names(document: Document, asked: MotionCommandsTable) -> None:
+    """Raise InputError for two segments of one name."""
+    names = [row.name for row in asked.segments]
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            key = ("motion", "commands", "segments", index, "name")
+            raise document.error("conflicting-keys", key, f"two segments have the name {name}")
+
+
+def _chosen_pins(document: Document, asked: MotionCommandsTable) -> dict[str, str]:
+    """Return the pins of the buttons of segments. Raises InputError."""
+    key, pins = ("motion", "commands", "buttons"), asked.buttons or {}
+    names = [row.name for row in asked.segments]
+    for name in pins:
+        if name not in names:
+            raise document.error(
+                "unknown-name", (*key, name), f"no segment is named '{name}'", did_you_mean(name, names)
+            )
+    missing = next((name for name in names if name not in pins), None)
+    if missing is not None:
+        raise document.error("missing-key", key, f"{missing} has no button", f'add {missing} = "RB7"')
+    return {name: pins[name] for name in names}
+
+
+def _codes(document: Document, asked: MotionCommandsTable) -> dict[str, str]:
+    """Return the codes of segments, in their order those of a walk's directions. Raises InputError."""
+    if len(asked.segments) > len(CODES):
+        raise document.error(
+            "out-of-range",
+            ("motion", "commands", "segments"),
+            f"{len(asked.segments)} segments, and the line has {len(CODES)} codes",
+            "choose by buttons, or by one button",
+        )
+    return dict(zip((row.name for row in asked.segments), CODES.values(), strict=False))
+
+
+def _named_buttons(
+    document: Document, key: Key, pins: Mapping[str, str], level: int, taken: Mapping[str, str]
+) -> Iterator[tuple[str, ButtonPin]]:
+    """Yield the buttons of directions or segments by name. Raises InputError."""
     used = dict(taken)
-    buttons = {}
     for name, pin in pins.items():
         check_free(document, (*key, name), pin, used, OWN_PIN)
         used[pin] = f"the button of {name}"
-        buttons[name] = ButtonPin(pin, level, document.place(*key, name))
-    return CommandButtons(buttons)
+        yield name, ButtonPin(pin, level, document.place(*key, name))
 
 
 MIN_CLOCK_HZ = 32_000

@@ -7,6 +7,7 @@ assumptions, a counterexample that a plain run has shown, or why it is not decid
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 
 from servogen.edges import PINS
@@ -29,7 +30,7 @@ from servogen.prove.explore import (
     why_undecided,
 )
 from servogen.prove.forks import PreparedProgram
-from servogen.prove.generalise import Generaliser
+from servogen.prove.generalise import Generaliser, Guess
 from servogen.prove.nodes import Node
 from servogen.prove.quantifiers import EVERYTHING, Quantifiers
 from servogen.prove.specification import OVER, Specification
@@ -66,7 +67,8 @@ class Proof:
     cycles: Cycles
     """Simulated, all runs together."""
     nodes: tuple[Node, ...] = ()
-    cuts: tuple[int, ...] = ()
+    cuts: Mapping[int, Guess] = field(default_factory=dict)
+    """The cut points by address, in ascending order, with what is general at each."""
     transitions: Transitions | None = field(default=None, repr=False)
     held: dict[int, int] = field(default_factory=dict)
     asynchronous: bool = False
@@ -82,11 +84,15 @@ def prove_for_all(
     options: SimulatorOptions = SimulatorOptions(),  # noqa: B008 - frozen
     tell: Tell = lambda explored, known: None,
     max_states: int = MAX_STATES,
+    cuts: Mapping[int, Guess] | None = None,
 ) -> Proof:
     """Return the proof that `image` follows `schedule` for everything quantified over, or why there is
     none.
+
+    `cuts` are those of the proof of a program much like this one, to begin with; by default a run of this
+    one is asked for them.
     """
-    return _Prover(image, schedule, quantifiers, options, tell, max_states).prove()
+    return _Prover(image, schedule, quantifiers, options, tell, max_states).prove(cuts)
 
 
 class _Prover:
@@ -121,10 +127,10 @@ class _Prover:
         # No run between two stops may be longer than the time in which an edge has to come.
         limit = START_FRAMES * self._spec.period + 2 * self._spec.longest_silence
         self._transitions = Transitions(self._chip, limit)
-        self._cuts: set[int] = set()
+        self._cuts: dict[int, Guess] = {}
         self._always = self._program.choice_points  # a run stops at each of them
 
-    def prove(self) -> Proof:
+    def prove(self, cuts: Mapping[int, Guess] | None) -> Proof:
         """Return the answer: search, add what the search asks for, and search again until it is decided."""
         if self._schedule.wire is not None and not isinstance(self._spec, FollowedWire):
             return self._result(None, None, "the wire from another chip cannot be held at one level")
@@ -133,7 +139,7 @@ class _Prover:
         unfit = self._unfit_oscillator()
         if unfit is not None:
             return unfit
-        guesses = choose_cuts(self._program, self._transitions, self._schedule, self._spec, self._always)
+        guesses = deepcopy(dict(cuts)) if cuts is not None else self._chosen_cuts()
         generaliser = Generaliser(self._transitions, guesses)
 
         def search(written: frozenset[int]) -> SearchResult:
@@ -151,11 +157,14 @@ class _Prover:
 
         most = MAX_ADDED_CUTS, MAX_REFINEMENTS
         found, written = search_until_decided(search, generaliser.add_cut, most, self._written)
-        self._cuts = set(generaliser.cuts)
+        self._cuts = {pc: generaliser.guesses[pc] for pc in sorted(generaliser.guesses)}
         answer = self._answer(found)
         if answer.proven and self._quantifiers.any_eeprom:
             return self._any_eeprom(answer, generaliser, written)
         return answer
+
+    def _chosen_cuts(self) -> dict[int, Guess]:
+        return choose_cuts(self._program, self._transitions, self._schedule, self._spec, self._always)
 
     def _written(self) -> frozenset[int]:
         """Return the places that the program has written, if there are start values that this ends."""
@@ -285,7 +294,7 @@ class _Prover:
             runs=self._transitions.runs,
             cycles=Cycles(self._transitions.cycles),
             nodes=tuple(nodes),
-            cuts=tuple(sorted(self._cuts)),
+            cuts=self._cuts,
             transitions=self._transitions,
             held=self._held,
             asynchronous=search is not None and search.asynchronous,

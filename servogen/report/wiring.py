@@ -46,7 +46,7 @@ def wires(job: Job) -> Iterator[Wire]:
         yield Wire(numbers[commands.pin], commands.pin, "commands, 5 V, high at rest, 10 kOhm pull-up to VDD")
     elif isinstance(commands, CommandButton):
         button = commands.button
-        yield Wire(numbers[button.pin], button.pin, f"walk {button.text()}")
+        yield Wire(numbers[button.pin], button.pin, f"{commands.name} {button.text()}")
     elif commands:
         for name, button in commands.buttons.items():
             yield Wire(numbers[button.pin], button.pin, f"{name} {button.text()}")

@@ -745,11 +745,11 @@ class WatchSession:
         job = self.subject.job
         commands = job.commands if job else None
         if job is None or not isinstance(commands, CommandLine):
-            raise InputError("not-allowed", "only a job with [walk] commands on a line accepts directions")
+            raise InputError("not-allowed", "only a job with commands on a line accepts directions")
         commanded, ways = str(message["way"]), (*(direction.name for direction in job.directions), STOP)
         if commanded not in ways:
             raise InputError("not-allowed", f"'{commanded[:40]}' is not a direction", hint=", ".join(ways))
-        code = bytes([uart_byte(None if commanded == STOP else commanded)] * REPEATS)
+        code = bytes([uart_byte(None if commanded == STOP else commanded, commands.codes)] * REPEATS)
         self._send(code, commands.pin, self.subject.clock.cycles_per_second / self._period)
         yield self.shown(whole=False)
 
@@ -1084,7 +1084,7 @@ def _inputs(subject: Subject) -> list[Message]:
     if isinstance(subject.job.commands, CommandButtons):
         named += subject.job.commands.buttons.items()
     elif isinstance(subject.job.commands, CommandButton):
-        named.append(("walk", subject.job.commands.button))
+        named.append((subject.job.commands.name, subject.job.commands.button))
     return [{"name": name, "pin": button.pin, "pressed": button.level} for name, button in named if button]
 
 

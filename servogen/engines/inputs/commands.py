@@ -1,4 +1,4 @@
-"""Codes or buttons that command a walk; the player reads its inputs once per frame, after the last slot.
+"""Codes or buttons that command a walk, or segments of a motion; read once per frame, after the last slot.
 
 In: the names of directions. Out: their codes, and the table with which the chip follows the line; or their
 buttons.
@@ -16,7 +16,7 @@ button steps through the directions.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import ClassVar
 
@@ -25,7 +25,7 @@ from servogen.engines.inputs.buttons import PRESSED_FRAMES, ButtonPin
 from servogen.motion.gait.commands import STRAIGHT, TURN
 from servogen.pulse.schedule import CodeLine, DirectionButtons, Input, StepButton
 
-COMMANDS = "commands for a walk"
+COMMANDS = "commands"
 
 REST_FRAMES = 3
 """The number of high frames before a start; within a code, at most two frames in a row are high."""
@@ -56,6 +56,8 @@ class CommandLine:
     kind: ClassVar[str] = COMMANDS
 
     pin: str
+    codes: Mapping[str, str] = field(default_factory=lambda: CODES)
+    """Those of the directions, or of the segments, by name."""
 
     @property
     def inputs(self) -> tuple[Input, ...]:
@@ -73,7 +75,7 @@ class CommandLine:
 
     def selector(self, direction: str) -> str:
         """Return the code of a direction."""
-        return CODES[direction]
+        return self.codes[direction]
 
     def text(self) -> tuple[str, ...]:
         """Return the wiring of the pin and the command to stop, as text for the header of the C."""
@@ -120,11 +122,14 @@ class CommandButtons:
 
 @dataclass(frozen=True, slots=True)
 class CommandButton:
-    """The button that steps through the directions: forward, back, left, right."""
+    """The button that steps through the directions, forward, back, left, right, or through the segments of a
+    motion.
+    """
 
     kind: ClassVar[str] = COMMANDS
 
     button: ButtonPin
+    name: str = "walk"
 
     @property
     def inputs(self) -> tuple[Input, ...]:
@@ -147,7 +152,9 @@ class CommandButton:
         """Return the wiring of the button and its effect, as text for the header of the C."""
         return (
             f"{self.button.pin}: pressed for {PRESSED_FRAMES} frames: {self.button.text()}.",
-            "A press commands a stop, or, if the robot is to stand, the next direction.",
+            "A press commands a stop, or, if the robot is to stand, the next direction."
+            if self.name == "walk"
+            else "A press commands the rest, or, if that is commanded, the next segment.",
         )
 
 
@@ -160,11 +167,11 @@ def commander(inputs: Iterable[EngineInput]) -> Commander | None:
     return next((each for each in inputs if isinstance(each, Commander)), None)
 
 
-def uart_byte(name: str | None) -> int:
+def uart_byte(name: str | None, by_name: Mapping[str, str] = CODES) -> int:
     """Return the byte that sends a direction's code over a UART (8N1) with one bit per frame; None: stop."""
     if name is None:
         return STOP_BYTE
-    levels = CODES[name].ljust(8, "1")
+    levels = by_name[name].ljust(8, "1")
     return sum(int(level) << bit for bit, level in enumerate(levels))
 
 
@@ -172,14 +179,14 @@ COMMAND_SHIFT = 5
 """In the table: a command is left of the next state, 0 for none, 1 to stop, 2 for the first direction."""
 
 
-def hearing_table(names: Sequence[str]) -> bytes:
+def hearing_table(names: Sequence[str], by_name: Mapping[str, str] = CODES) -> bytes:
     """Return the table with the next state of every state, for a low and a high line.
 
     Direction n of `names` is command n + 1.
 
     The first state is that of power-up.
     """
-    codes = {CODES[name]: number + 1 for number, name in enumerate(names)}
+    codes = {by_name[name]: number + 1 for number, name in enumerate(names)}
     states: list[str] = ["0"]
     rows: list[tuple[int, int]] = []
     # New states are found while the table is written, in the order in which they get their numbers.

@@ -25,3 +25,9 @@ class Tape:
     error_pin: str | None = None
     """The pin that goes high then."""
     place: Location | None = None
+
+    @property
+    def pins(self) -> dict[str, str]:
+        """Return what is on the pins that it takes."""
+        error = {self.error_pin: "the tape's error pin"} if self.error_pin else {}
+        return {self.scl: "SCL", SDA: "SDA", **error}

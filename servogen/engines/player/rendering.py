@@ -5,7 +5,7 @@ In: what is played, where its script is, and a dialect. Out: the text of one C f
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 from typing import Protocol
@@ -26,6 +26,7 @@ from servogen.engines.inputs.commands import (
     COMMAND_SHIFT,
     CommandButton,
     CommandButtons,
+    Commander,
     CommandLine,
     hearing_table,
 )
@@ -295,10 +296,7 @@ def render_player(
         stays=any(law in (STAY, SILENT) for law in laws),
         released=legs is not None and bool(encoded.silent.any()),
         silence=any(law == SILENT for law in laws),
-        start=_button(buttons.start),
-        stop=_button(buttons.stop),
-        stop_off=buttons.stop is not None and buttons.off,
-        pressed_frames=PRESSED_FRAMES,
+        **looking(buttons),
         inputs_text=[
             *buttons.text(),
             *(played.chain.read.text() if played.chain else ()),
@@ -328,29 +326,47 @@ def _chain(chain: DirectionPlaces | None) -> dict[str, object]:
     """Return the template's values for a walk on command."""
     if chain is None:
         return {"chain": False}
-    read = chain.read
+    return {
+        "chain": True,
+        **listening(chain.read, chain.names, FORWARD),
+        "entry": ENTRY,
+        "stance": chain.stance,
+        "before": -ENTRY & 0xFF,
+        "spot_timing": chain.spot_timing,
+    }
+
+
+def listening(read: Commander, names: Sequence[str], first: int) -> dict[str, object]:
+    """Return the values of `player/listen.c.j2`: what is read, and the directions in the order of their
+    numbers from 1 on; one button steps through them from number `first` on, downward.
+    """
     line, buttons = None, []
     if isinstance(read, CommandLine):
         line = _LineText(read.pin[1], f"0x{1 << int(read.pin[2]):02X}")
     elif isinstance(read, CommandButtons):
-        for number, name in enumerate(chain.names, 1):
+        for number, name in enumerate(names, 1):
             if name in read.buttons:
                 pin, level = read.buttons[name].pin, read.buttons[name].level
                 mask = f"0x{1 << int(pin[2]):02X}"
                 buttons.append(_DirectionText(2 * number, pin[1], mask, "!= 0" if level else "== 0"))
     return {
-        "chain": True,
         "line": line,
         "direction_buttons": buttons,
         "step_button": _button(read.button) if isinstance(read, CommandButton) else None,
-        "last_direction": 2 * len(chain.names),
-        "before_forward": 2 * FORWARD + 2,
+        "last_direction": 2 * len(names),
+        "before_first": 2 * first + 2,
         "commands": f"0x{0x100 - (1 << COMMAND_SHIFT):02X}",
         "states": f"0x{(1 << COMMAND_SHIFT) - 1:02X}",
-        "entry": ENTRY,
-        "stance": chain.stance,
-        "before": -ENTRY & 0xFF,
-        "spot_timing": chain.spot_timing,
+    }
+
+
+def looking(buttons: ControlButtons) -> dict[str, object]:
+    """Return the values of `player/look.c.j2` and `player/look_begin.c.j2`."""
+    return {
+        "start": _button(buttons.start),
+        "stop": _button(buttons.stop),
+        "stop_off": buttons.stop is not None and buttons.off,
+        "pressed_frames": PRESSED_FRAMES,
     }
 
 

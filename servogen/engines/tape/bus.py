@@ -16,6 +16,8 @@ BYTE_C, SEEK_C = 110, 1000
 """The cycles reserved for a byte of a frame, without waits, and for the way back to the loop; what the C
 takes is counted once it is compiled."""
 SEEK_BYTES = 4
+INPUTS_C = 200
+"""The cycles reserved for the inputs of a frame and the choice of what follows it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,9 +41,14 @@ class Waits:
             more(HIGH_TIME.ns, READING_CYCLES),
         )
 
-    def reserve(self, servos: int) -> Cycles:
-        """Return the cycles reserved between two frames: the longest record, and before it the way back."""
+    def reserve(self, servos: int, *, steered: bool) -> Cycles:
+        """Return the cycles reserved between two frames: the longest record, before it the way back, and what
+        is read of inputs.
+        """
         bytes_read, bit = 2 * servos + 4, self.low + self.high
         return Cycles(
-            bytes_read * (BYTE_C + BITS * bit) + SEEK_C + SEEK_BYTES * BITS * (2 * self.low + self.high)
+            bytes_read * (BYTE_C + BITS * bit)
+            + SEEK_C
+            + SEEK_BYTES * BITS * (2 * self.low + self.high)
+            + INPUTS_C * steered
         )

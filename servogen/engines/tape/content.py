@@ -1,11 +1,14 @@
 """The content of a tape: the frames of a schedule as records, in the order in which they are read.
 
 In: a schedule, the order of its channels in the program. Out: `Content`, whose bytes begin at address 0.
+Each part begins with a record that is not a step. After END the tape is read on from the part that follows.
 
     address 0   identity, high and low byte: a CRC of all that follows, which the program knows
-            2   records of the lead-in
-         loop   records of the loop, the first one not a step
-                END, sum: the tape is read on from the loop's first record
+            2   records of the lead-in, with commands END, sum
+    places[0]   records of the loop, END, sum
+            1   with commands, of each direction: records of its start, AGAIN, sum,
+            2   of its cycle, AGAIN, sum,
+            3   of its stop, END, sum
 
     record   kind and more frames (1) │ data │ sum (1)
              STEP    n signed bytes: what each width is longer than in the frame before
@@ -30,6 +33,8 @@ from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import Run
 
 STEP, FULL, SILENT, END = 0x00, 0x40, 0x80, 0xC0
+AGAIN = END | 1
+"""The end of a start or a cycle: on to the cycle as long as it is commanded, else to the stop."""
 KINDS, MORE = 0xC0, 0x3F
 SEED = 0x5A
 FIRST = 2
@@ -40,10 +45,12 @@ LONGEST = 127
 
 @dataclass(frozen=True, slots=True)
 class Content:
-    """The bytes of a tape, and the address of the loop's first record."""
+    """The bytes of a tape, and the addresses from which it is read on: of the loop, and of the start, the
+    cycle and the stop of each direction.
+    """
 
     data: bytes
-    loop: int
+    places: tuple[int, ...]
 
     @property
     def identity(self) -> tuple[int, int]:
@@ -53,12 +60,22 @@ class Content:
 
 def content(schedule: PulseSchedule, order: Sequence[int]) -> Content:
     """Return the tape of a schedule with pulses, which all channels have together."""
-    lead, loop = (list(_records(runs, order)) for runs in (schedule.lead_in, schedule.loop))
-    end = bytes([END])
-    records = b"".join((*lead, *loop, end, bytes([sum_of(end)])))
-    place = FIRST + sum(map(len, lead))
-    identity = binascii.crc_hqx(records + place.to_bytes(2, "big"), 0)
-    return Content(identity.to_bytes(2, "big") + records, place)
+    directions = schedule.commands.directions if schedule.commands else ()
+    records, places = b"", []
+
+    def put(runs: Sequence[Run], end: int | None = None) -> int:
+        nonlocal records
+        place = FIRST + len(records)
+        last = b"" if end is None else bytes([end])
+        records += b"".join(_records(runs, order)) + last + bytes(sum_of(last) for _ in last)
+        return place
+
+    put(schedule.lead_in, END if directions and schedule.lead_in else None)
+    places.append(put(schedule.loop, END))
+    for direction in directions:
+        places += [put(direction.start, AGAIN), put(direction.cycle, AGAIN), put(direction.stop, END)]
+    identity = binascii.crc_hqx(records + b"".join(place.to_bytes(2, "big") for place in places), 0)
+    return Content(identity.to_bytes(2, "big") + records, tuple(places))
 
 
 def sum_of(record: bytes) -> int:

@@ -24,7 +24,7 @@ class TapeEngine:
 
             return compiled(job, made, dialect)
 
-        return EnginePlan(made.trajectory, made.plan, make, notes=(length_note(made),))
+        return EnginePlan(made.trajectory, made.plan, make, tour=made.tour, notes=(length_note(made),))
 
 
 ENGINE: Engine = TapeEngine()

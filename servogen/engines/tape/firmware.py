@@ -17,13 +17,22 @@ from servogen.engines.c_text import (
 )
 from servogen.engines.firmware import Firmware
 from servogen.engines.fitting import compiled_to_fit
+from servogen.engines.inputs.commands import CommandLine, hearing_table
 from servogen.engines.inputs.tape import HOLD, SDA
 from servogen.engines.player.firmware import cautions, timing_budgets
 from servogen.engines.player.layout import TICKS
-from servogen.engines.player.rendering import OVERRUN, PRESCALER, Constants, Slots, kernel
+from servogen.engines.player.rendering import (
+    OVERRUN,
+    PRESCALER,
+    Constants,
+    Slots,
+    kernel,
+    listening,
+    looking,
+)
 from servogen.engines.protocol import EngineJob
 from servogen.engines.tape.bus import Waits
-from servogen.engines.tape.content import END, SEED
+from servogen.engines.tape.content import END, FIRST, SEED
 from servogen.engines.tape.taping import Taped
 from servogen.pic.device import Device
 
@@ -79,8 +88,11 @@ def render_tape(made: Taped, dialect: str, device: Device, title: str) -> str:
         "sum": SUM,
         "seed": f"0x{SEED:02X}",
         "end": f"0x{END:02X}",
-        "loop_high": made.content.loop >> 8,
-        "loop_low": made.content.loop & 0xFF,
+        "loop_high": made.content.places[0] >> 8,
+        "loop_low": made.content.places[0] & 0xFF,
+        "first": FIRST,
+        "chain": False,
+        **_steered(made, constants),
         "identity": made.content.identity,
         "slots": slots,
         "places": constants.named,
@@ -88,8 +100,28 @@ def render_tape(made: Taped, dialect: str, device: Device, title: str) -> str:
         "kernel": list(assembly(kernel(tick, made.layout.stagger))),
     }
     for part in ("start", "give", "take"):
-        values[part] = list(assembly(render_template(f"tape/{part}.asm", **asm)))
+        values[f"bus_{part}"] = list(assembly(render_template(f"tape/{part}.asm", **asm)))
     return render_template("tape/main.c.j2", **values)
+
+
+def _steered(made: Taped, constants: Constants) -> dict[str, object]:
+    """Return the template's values for buttons and commands; what they take goes into the table."""
+    values, read, rule = looking(made.buttons), made.read, made.plan.schedule.commands
+    values["inputs_text"] = [*made.buttons.text(), *(read.text() if read else ())]
+    if read is None or rule is None:
+        return values
+    # One button counts the numbers down, so the last one is that of the first direction.
+    names = [direction.name for direction in rule.directions][::-1]
+    rest, *others = made.content.places
+    parts = [(rest,) * 3, *[*zip(*[iter(others)] * 3, strict=True)][::-1]]
+    if isinstance(read, CommandLine):
+        heard = hearing_table(names, read.codes)
+        constants.add("HEARING", heard, "for each state the line low, and high")
+    data = b"".join(place.to_bytes(2, "big") for part in parts for place in part)
+    constants.add(
+        "PLACES", data, "on the tape: the rest, thrice, and of each direction start, cycle and stop"
+    )
+    return values | {"chain": True, **listening(read, names, len(names))}
 
 
 def _wait(cycles: int) -> str:
@@ -104,13 +136,16 @@ def _used(made: Taped) -> set[str]:
 
 
 def _ports(made: Taped) -> list[PortText]:
-    """Return the ports in use; of port A every pin is an output, so that its reading has no unknown bit."""
+    """Return the ports in use; of port A every pin but inputs is an output, so that its reading has as few
+    unknown bits as possible.
+    """
     pins = [channel.pin for channel in made.plan.schedule.channels]
     pins += [made.tape.error_pin] if made.tape.error_pin else []
+    inputs = sum(1 << int(each.pin[2]) for each in made.plan.schedule.inputs if each.pin[1] == "A")
     outputs = sum(1 << int(pin[2]) for pin in pins if pin[1] == "B")
     # Port B first: once RA4 is high no servo's pin may be an input.
     ports = [PortText("B", f"0x{0xFF & ~outputs:02X}")] if "B" in _used(made) else []
-    return [*ports, PortText("A", "0x00")]
+    return [*ports, PortText("A", f"0x{inputs:02X}")]
 
 
 def _channel(made: Taped, channel: int) -> ChannelText:

@@ -18,6 +18,7 @@ from servogen.drive.commands import script
 from servogen.drive.on_command import CommandedDrive, CommandedFrame, Twin
 from servogen.drive.serial_link import VirtualTime
 from servogen.edges import HIGH, PINS, EdgeTrace
+from servogen.engines.board import board_of, inputs_of
 from servogen.engines.c_text import DIALECTS
 from servogen.engines.firmware import Firmware
 from servogen.errors import InputError
@@ -155,7 +156,7 @@ def frames_commanded(schedule: PulseSchedule, commanded: list[str]) -> list[Run]
 
 
 def first_rise(schedule: PulseSchedule, image: Image, options: SimulatorOptions) -> int:
-    machine = Machine(image, schedule.clock, options)
+    machine = Machine(image, schedule.clock, board_of(schedule, options), inputs_of(schedule))
     found = machine.run_to_edge(PINS.index(schedule.channels[0].pin), HIGH, 50 * schedule.period)
     assert found is not None
     return int(found)
@@ -172,7 +173,8 @@ def shown(schedule: PulseSchedule, image: Image, held: Held, pressed: int = 0, s
         for frame, buttons in enumerate(held):
             level = pressed if direction.name in buttons else 1 - pressed
             changes.append((start + frame * schedule.period + 1000, level))
-        sources.append(Levels(PINS.index(PINS_OF[direction.name]), tuple(changes)))
+        assert isinstance(direction.selector, Input)
+        sources.append(Levels(PINS.index(direction.selector.pin), tuple(changes)))
     return compared(schedule, image, sources, frames_of(schedule, held), options)
 
 
@@ -182,7 +184,7 @@ def compared(
     """Compare what the pins do with these frames."""
     wanted = replace(schedule, lead_in=tuple(runs), loop=(runs[-1],), inputs=(), commands=None)
     limit = Cycles((len(runs) + 3) * schedule.period)
-    machine = Machine(image, schedule.clock, options, Stimuli(sources))
+    machine = Machine(image, schedule.clock, board_of(schedule, options), Stimuli(sources))
     trace = EdgeTrace(schedule.clock, machine.stream(limit), limit)
     return verify(expected(wanted), trace, Cycles(len(runs) * schedule.period))
 
