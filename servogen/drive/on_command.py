@@ -21,11 +21,11 @@ import numpy as np
 
 from servogen.bench.virtual.chip import HeldButtons, Levels, VirtualChip
 from servogen.bench.virtual.serial_line import LineStimulus
-from servogen.compiler import Compilation
 from servogen.drive.commands import NEXT, QUIT, STOP, CommandSource
 from servogen.drive.serial_link import SerialLink, Time
 from servogen.edges import PINS, edge_chunk
 from servogen.engines.board import board_of
+from servogen.engines.firmware import Firmware
 from servogen.engines.inputs import given
 from servogen.engines.inputs.buttons import PRESSED_FRAMES
 from servogen.engines.inputs.commands import CommandButton, Commander, CommandLine, uart_byte
@@ -98,9 +98,11 @@ class Twin:
         """Compile the job's program and switch the chip on. Raises InputError."""
         assert job.commands is not None
         self._read = job.commands
-        schedule, compilation, self._playing = _playing(job)
+        schedule, firmware, self._playing = _playing(job)
         self._stimulus = _stimulus_of(job, self._read, int(schedule.period))
-        self._chip = VirtualChip(compilation.image, job.clock, board_of(schedule), stimulus=self._stimulus)
+        self._chip = VirtualChip(
+            firmware.compilation.image, job.clock, board_of(schedule), stimulus=self._stimulus
+        )
         self._chip.listeners.append(self._heard)
         self._period = int(schedule.period)
         self._clock = job.clock
@@ -203,25 +205,25 @@ class _Tape:
         return (self.names[-number] if number else STANCE), ""
 
 
-def _playing(job: PlannedJob) -> tuple[PulseSchedule, Compilation, _Walk | _Tape]:
+def _playing(job: PlannedJob) -> tuple[PulseSchedule, Firmware, _Walk | _Tape]:
     """Return the job's program, and what its variables say."""
     if given(job.inputs, Tape) is not None:
         made = taped(job)
-        compilation = compiled_tape(job, made, job.firmware.dialect).compilation
+        firmware = compiled_tape(job, made, job.firmware.dialect)
         rule = made.plan.schedule.commands
         assert rule is not None
         names = tuple(direction.name for direction in rule.directions)
-        return made.plan.schedule, compilation, _Tape(names, *_places(compilation, "walking"))
+        return made.plan.schedule, firmware, _Tape(names, *_places(firmware, "walking"))
     _, played, _ = play(job)
     assert played.chain is not None
-    compilation = compiled(job, played, job.firmware.dialect).compilation
-    return played.plan.schedule, compilation, _Walk(played.chain, *_places(compilation, "begun", "until"))
+    firmware = compiled(job, played, job.firmware.dialect)
+    return played.plan.schedule, firmware, _Walk(played.chain, *_places(firmware, "begun", "until"))
 
 
-def _places(compilation: Compilation, *names: str) -> Iterator[int]:
+def _places(firmware: Firmware, *names: str) -> Iterator[int]:
     """Yield where variables are in the RAM."""
     for name in names:
-        address = compilation.listing.variable(name)
+        address = firmware.compilation.listing.variable(name)
         assert address is not None
         yield address - RAM_FIRST
 

@@ -22,7 +22,7 @@ MAX_MM, MAX_S = 100_000.0, 1_000_000.0
 """A larger number must be a typing error."""
 
 MAX_CHOSEN = 7
-"""The maximum number of segments that inputs choose among: a proof counts them in three bits."""
+"""The maximum number of segments that inputs choose among: three bits hold one, or none."""
 
 Coordinate = Annotated[float, Field(ge=-MAX_MM, le=MAX_MM)]
 Point = tuple[Coordinate, Coordinate, Coordinate]
@@ -142,23 +142,14 @@ class ChosenSegmentTable(Table):
     """Whether it plays again and again; otherwise its last frame is held."""
 
 
-class InputsTable(Table):
-    """The inputs for commands: one of `pin`, `buttons` (of a subclass) and `button`."""
-
-    pin: PinName | None = None
-    """The input for the codes; None: RA4, unless there are buttons."""
-    button: PinName | None = None
-    """Instead of `pin`: each press of this button commands a stop, or the next direction or segment."""
-    button_level: Literal["low", "high"] = "low"
-    """The level of a pressed button."""
-
-
-class MotionCommandsTable(InputsTable):
-    """[motion] commands: segments of the motion, and the inputs that choose among them."""
+class MotionCommandsTable(Table):
+    """[motion] commands: segments of the motion, and the inputs that choose among them, as in [walk]."""
 
     segments: tuple[ChosenSegmentTable, ...] = Field(min_length=1, max_length=MAX_CHOSEN)
+    pin: PinName | None = None
     buttons: dict[str, PinName] | None = None
-    """Instead of `pin`: a segment plays while its button is held."""
+    button: PinName | None = None
+    button_level: Literal["low", "high"] = "low"
 
 
 class MotionTable(Table):
@@ -189,13 +180,19 @@ class DirectionPins(Table):
     right: PinName | None = None
 
 
-class CommandsTable(InputsTable):
+class CommandsTable(Table):
     """[walk] commands: the body's motion per cycle, and the inputs that select the direction."""
 
     forward_mm: float | None = Field(default=None, gt=0, le=MAX_MM)
     turn_deg: float | None = Field(default=None, gt=0, le=360)
+    pin: PinName | None = None
+    """The input for the codes; None: RA4, unless there are buttons."""
     buttons: DirectionPins | None = None
     """Instead of `pin`: the robot walks in a direction while its button is held."""
+    button: PinName | None = None
+    """Instead of `pin`: each press of this button commands a stop, or the next direction."""
+    button_level: Literal["low", "high"] = "low"
+    """The level of a pressed button."""
 
 
 class WalkTable(Table):

@@ -305,6 +305,8 @@ def twin_of(read: Commander, monkeypatch: pytest.MonkeyPatch) -> Twin:
     monkeypatch.setattr(on_command, "board_of", lambda schedule: None)
     monkeypatch.setattr(on_command, "VirtualChip", Chip)
     job = SimpleNamespace(
+        commands=read,
+        inputs=(read,),
         firmware=SimpleNamespace(dialect="c2c"),
         clock=Clock(4_000_000),
         frame=SimpleNamespace(period=SimpleNamespace(cycles=Cycles(20_000))),

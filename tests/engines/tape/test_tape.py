@@ -81,8 +81,8 @@ def test_the_records_are_the_frames(seed: int) -> None:
     tape = content(schedule, order)
     assert list(frames_of(tape.data, servos)) == widths_of(schedule, order)
     # The loop's first record stands for itself: a jump to it needs no frame before.
-    assert tape.data[tape.loop] & 0xC0 in (0x40, 0x80)
-    before = list(frames_of(tape.data[: tape.loop] + b"\xc0", servos))
+    assert tape.data[tape.places[0]] & 0xC0 in (0x40, 0x80)
+    before = list(frames_of(tape.data[: tape.places[0]] + b"\xc0", servos))
     assert len(before) == schedule.lead_in_frames
 
 
@@ -185,10 +185,10 @@ def test_sigrok_reads_the_tape_from_the_wires(tmp_path: Path) -> None:
     words = sigrok_words(edges, tmp_path, "RA3", "RA4")
     assert [word for word in words if word.startswith("Data write")] == [
         *("Data write: 00", "Data write: 00"),
-        *(f"Data write: {byte:02X}" for _ in range(2) for byte in tape.loop.to_bytes(2, "big")),
+        *(f"Data write: {byte:02X}" for _ in range(2) for byte in tape.places[0].to_bytes(2, "big")),
     ]
     read = bytes(int(word.split(": ")[1], 16) for word in words if word.startswith("Data read"))
-    looped = tape.data + tape.data[tape.loop :] * 2
+    looped = tape.data + tape.data[tape.places[0] :] * 2
     assert len(read) > len(tape.data) + 40
     assert read == looped[: len(read)]
 
