@@ -34,11 +34,13 @@ from tests.engines.player.test_direction_buttons import (
     first_rise,
     flat,
     frames_commanded,
+    frames_of,
     holding,
     random_hands,
     shown,
     stepped,
 )
+from tests.engines.player.test_direction_buttons import job as walk_job
 from tests.engines.tape.tape_jobs import text, with_content
 
 POSES = (
@@ -50,6 +52,7 @@ SEGMENTS = (
     'segments = [{ name = "wave", from_s = 0.02, to_s = 0.12, repeat = true }, '
     '{ name = "bow", from_s = 0.02, to_s = 0.08 }]'
 )
+ON_TAPE = '[firmware]\nengine = "player"', '[tape]\n[firmware]\nengine = "tape"'
 BUTTONS, LINE, ONE = 'buttons = { wave = "RB6", bow = "RB7" }', 'pin = "RB7"', 'button = "RB7"'
 
 
@@ -216,3 +219,13 @@ def test_a_tape_that_waits_for_a_button_is_proven() -> None:
     played = planned(job(one, "", ', { name = "bow", from_s = 0.02, to_s = 0.08 }', ""))
     proof = prove_for_all(played.make("c2c").compilation.image, played.plan.schedule, max_states=2000)
     assert proof.proven, proof.reason
+
+
+def test_a_walk_on_command_plays_from_a_tape() -> None:
+    pins = {"forward": "RB4", "back": "RB5", "left": "RB6", "right": "RB7"}
+    found = planned(walk_job(", ".join(f'{name} = "{pin}"' for name, pin in pins.items()), *ON_TAPE))
+    schedule, image = found.plan.schedule, found.make("c2c").compilation.image
+    held = holding((12, ""), (30, "left"), (25, "back"), (25, ""))
+    assert found.engine == "tape" and len({run.pulses for run in frames_of(schedule, held)}) > 40
+    verdict = shown(schedule, image, held)
+    assert verdict.passed, verdict.reasons
