@@ -6,22 +6,7 @@ intervals from which the code generator chooses the narrowest arithmetic that is
 
 from __future__ import annotations
 
-from servogen.compiler.ast.nodes import (
-    FLOAT_OPERATIONS,
-    Assign,
-    Binary,
-    Builtin,
-    Cast,
-    Choice,
-    Comma,
-    Deref,
-    Expr,
-    Logic,
-    Num,
-    Ref,
-    Unary,
-    Update,
-)
+from servogen.compiler.ast import nodes as tree
 from servogen.compiler.ast.types import FloatType, IntType, PointerType
 
 MIRRORED = {"<": ">", ">": "<", "<=": ">=", ">=": "<=", "==": "==", "!=": "!="}
@@ -89,42 +74,42 @@ def type_interval(kind: object) -> Interval:
     return 0, 0
 
 
-def interval(expr: Expr) -> Interval:
+def interval(expr: tree.Expr) -> Interval:
     """Return the minimum and maximum value of an expression, derived from its types and constants."""
     full = type_interval(expr.type)
     match expr:
-        case Num(value):
+        case tree.Num(value):
             return value, value
-        case Ref(width=width) | Deref(width=width) if width:
+        case tree.Ref(width=width) | tree.Deref(width=width) if width:
             return _field(expr, width)
-        case Cast(operand):
+        case tree.Cast(operand):
             inner = interval(operand)
             if isinstance(expr.type, IntType) and expr.type.is_bool:
                 return 0, 1
             return inner if full[0] <= inner[0] and inner[1] <= full[1] else full
-        case Unary("!") | Logic():
+        case tree.Unary("!") | tree.Logic():
             return 0, 1
-        case Unary("-", operand):
+        case tree.Unary("-", operand):
             low, high = interval(operand)
             return _fits((-high, -low), full)
-        case Binary(op) if op in COMPARISONS:
+        case tree.Binary(op) if op in COMPARISONS:
             return 0, 1
-        case Binary():
+        case tree.Binary():
             return _fits(_binary(expr, full), full)
-        case Choice(_, yes, no):
+        case tree.Choice(_, yes, no):
             one, two = interval(yes), interval(no)
             return min(one[0], two[0]), max(one[1], two[1])
-        case Comma(_, second):
+        case tree.Comma(_, second):
             return interval(second)
-        case Assign(target, value):
+        case tree.Assign(target, value):
             full, inner = interval(target), interval(value)
             return inner if full[0] <= inner[0] and inner[1] <= full[1] else full
-        case Update():
+        case tree.Update():
             return full
     return full
 
 
-def _field(expr: Ref | Deref, width: int) -> Interval:
+def _field(expr: tree.Ref | tree.Deref, width: int) -> Interval:
     """Return the values that a bit-field can hold."""
     if isinstance(expr.type, IntType) and expr.type.signed:
         return -(1 << width - 1), (1 << width - 1) - 1
@@ -136,7 +121,7 @@ def _fits(values: Interval, full: Interval) -> Interval:
     return values if full[0] <= values[0] and values[1] <= full[1] else full
 
 
-def _binary(expr: Binary, full: Interval) -> Interval:
+def _binary(expr: tree.Binary, full: Interval) -> Interval:
     """Return the interval of a binary operator's result before it wraps; `full` where it is unknown."""
     a, b = interval(expr.left), interval(expr.right)
     match expr.op:
@@ -167,24 +152,24 @@ def _binary(expr: Binary, full: Interval) -> Interval:
     return full
 
 
-def has_effect(expr: Expr) -> bool:
+def has_effect(expr: tree.Expr) -> bool:
     """Return whether evaluating an expression does more than yield a value; reading a volatile object
     counts.
     """
     match expr:
-        case Num():
+        case tree.Num():
             return False
-        case Ref(symbol=symbol, index=index):
+        case tree.Ref(symbol=symbol, index=index):
             return symbol.volatile or expr.type.volatile or (index is not None and has_effect(index))
-        case Deref(pointer=pointer):
+        case tree.Deref(pointer=pointer):
             return expr.type.volatile or has_effect(pointer)
-        case Cast(operand) | Unary(_, operand):
+        case tree.Cast(operand) | tree.Unary(_, operand):
             return has_effect(operand)
-        case Binary(_, left, right) | Logic(_, left, right) | Comma(left, right):
+        case tree.Binary(_, left, right) | tree.Logic(_, left, right) | tree.Comma(left, right):
             return has_effect(left) or has_effect(right)
-        case Choice(condition, yes, no):
+        case tree.Choice(condition, yes, no):
             return has_effect(condition) or has_effect(yes) or has_effect(no)
-        case Builtin(name, arguments) if name in FLOAT_OPERATIONS:
+        case tree.Builtin(name, arguments) if name in tree.FLOAT_OPERATIONS:
             return any(has_effect(argument) for argument in arguments)
     target = getattr(expr, "target", None)
     return not (

@@ -6,22 +6,8 @@ truth value.
 
 from __future__ import annotations
 
+from servogen.compiler.ast import nodes as tree
 from servogen.compiler.ast.constant_folding import COMPARISONS, MIRRORED, has_effect, interval
-from servogen.compiler.ast.nodes import (
-    AddressOf,
-    Assign,
-    Binary,
-    Cast,
-    Choice,
-    Comma,
-    Deref,
-    Expr,
-    Logic,
-    Num,
-    Ref,
-    Unary,
-    Update,
-)
 from servogen.compiler.ast.types import IntType
 from servogen.compiler.codegen.arithmetic import biased, compare_less
 from servogen.compiler.codegen.effects import in_flash, stripped, width_of
@@ -33,16 +19,16 @@ from servogen.compiler.codegen.operators import binary_w, to_w
 from servogen.compiler.ir.instruction import INDF, SETS_Z, Byte, C, Imm, Operand, Reg, Z, exposed
 
 
-def comparison(gen: FunctionGenerator, expr: Binary, sense: bool, label: str) -> None:
+def comparison(gen: FunctionGenerator, expr: tree.Binary, sense: bool, label: str) -> None:
     """Jump to `label` if the truth of a comparison is `sense`."""
     left, right, op = expr.left, expr.right, expr.op
-    if isinstance(left, Num) and not isinstance(right, Num):
+    if isinstance(left, tree.Num) and not isinstance(right, tree.Num):
         left, right, op = right, left, MIRRORED[op]
     size, signed = _width(left, right)
     if op in ("==", "!="):
         _equality(gen, left, right, size, sense == (op == "=="), label)
         return
-    if isinstance(right, Num):
+    if isinstance(right, tree.Num):
         bound = right.value
         # left > n is left >= n + 1; the width is chosen anew for that bound, so that it cannot wrap
         if op == ">":
@@ -61,7 +47,7 @@ def comparison(gen: FunctionGenerator, expr: Binary, sense: bool, label: str) ->
     gen.goto_if(C, sense == (op == ">="), label)
 
 
-def _width(left: Expr, right: Expr) -> tuple[int, bool]:
+def _width(left: tree.Expr, right: tree.Expr) -> tuple[int, bool]:
     """Return (bytes, signed) in which two operands are compared: as few as hold the values of both."""
     if not isinstance(left.type, IntType) or not isinstance(right.type, IntType):
         return max(left.type.size, right.type.size), False
@@ -70,7 +56,7 @@ def _width(left: Expr, right: Expr) -> tuple[int, bool]:
 
 
 def _against_constant(
-    gen: FunctionGenerator, left: Expr, bound: int, size: int, at_least: bool, label: str
+    gen: FunctionGenerator, left: tree.Expr, bound: int, size: int, at_least: bool, label: str
 ) -> None:
     """Jump if (left >= bound) equals `at_least`."""
     low, high = interval(left)
@@ -129,9 +115,11 @@ def _against_constant(
     gen.goto_if(C, at_least, label)
 
 
-def _equality(gen: FunctionGenerator, left: Expr, right: Expr, size: int, equal: bool, label: str) -> None:
+def _equality(
+    gen: FunctionGenerator, left: tree.Expr, right: tree.Expr, size: int, equal: bool, label: str
+) -> None:
     """Jump if (left == right) equals `equal`."""
-    if isinstance(right, Num):
+    if isinstance(right, tree.Num):
         value = right.value & (1 << 8 * size) - 1
         low, high = interval(left)
         if isinstance(left.type, IntType) and not low <= right.value <= high:
@@ -152,7 +140,7 @@ def _equality(gen: FunctionGenerator, left: Expr, right: Expr, size: int, equal:
             gen.lower.jump(gen, left, not equal, label)
             return
     if size == 1:
-        binary_w(gen, Binary("^", left, right, left.type, left.place))
+        binary_w(gen, tree.Binary("^", left, right, left.type, left.place))
         gen.goto_if(Z, equal, label)
         return
     a, b = pair(gen, left, right, size)
@@ -171,15 +159,15 @@ def _equality(gen: FunctionGenerator, left: Expr, right: Expr, size: int, equal:
         gen.label(other)
 
 
-def _all_set(gen: FunctionGenerator, expr: Expr, mask: int) -> bool:
+def _all_set(gen: FunctionGenerator, expr: tree.Expr, mask: int) -> bool:
     """Set Z if `x & mask` has all bits of the mask; return whether the expression had that form."""
     masked = stripped(expr)
-    if not isinstance(masked, Binary) or masked.op != "&":
+    if not isinstance(masked, tree.Binary) or masked.op != "&":
         return False
     left, right = masked.left, masked.right
-    if isinstance(left, Num):
+    if isinstance(left, tree.Num):
         left, right = right, left
-    if not isinstance(right, Num) or right.value != mask or not is_direct(stripped(left)):
+    if not isinstance(right, tree.Num) or right.value != mask or not is_direct(stripped(left)):
         return False
     operand = operands_of(gen, left, 1)[0]
     assert not isinstance(operand, Imm)
@@ -218,7 +206,7 @@ def differ(gen: FunctionGenerator, one: Operand, two: Operand) -> None:
 # zero
 
 
-def to_w_with_zero(gen: FunctionGenerator, expr: Expr) -> None:
+def to_w_with_zero(gen: FunctionGenerator, expr: tree.Expr) -> None:
     """Load a one-byte value into W and set Z according to it."""
     to_w(gen, expr)
     last = gen.last
@@ -246,23 +234,23 @@ def zero_test(gen: FunctionGenerator, operands: list[Operand]) -> None:
             gen.emit("IORWF", operand, 0)
 
 
-def jump(gen: FunctionGenerator, expr: Expr, sense: bool, label: str) -> None:
+def jump(gen: FunctionGenerator, expr: tree.Expr, sense: bool, label: str) -> None:
     """Jump to `label` if the truth value of `expr` is `sense`, otherwise fall through."""
     match expr:
-        case Num(value):
+        case tree.Num(value):
             if bool(value) == sense:
                 gen.goto(label)
-        case AddressOf():
+        case tree.AddressOf():
             if sense:
                 gen.goto(label)
-        case Unary("!", operand):
+        case tree.Unary("!", operand):
             jump(gen, operand, not sense, label)
-        case Logic(op, left, right):
+        case tree.Logic(op, left, right):
             _logic_jump(gen, op == "||", left, right, sense, label)
-        case Comma(first, second):
+        case tree.Comma(first, second):
             effect(gen, first)
             jump(gen, second, sense, label)
-        case Choice(condition, yes, no):
+        case tree.Choice(condition, yes, no):
             other, end = gen.new_label(), gen.new_label()
             jump(gen, condition, False, other)
             jump(gen, yes, sense, label)
@@ -270,20 +258,20 @@ def jump(gen: FunctionGenerator, expr: Expr, sense: bool, label: str) -> None:
             gen.label(other)
             jump(gen, no, sense, label)
             gen.label(end)
-        case Binary(op) if op in COMPARISONS:
+        case tree.Binary(op) if op in COMPARISONS:
             comparison(gen, expr, sense, label)
-        case Binary("&") if _bit_test(gen, expr, sense, label):
+        case tree.Binary("&") if _bit_test(gen, expr, sense, label):
             pass
-        case Cast(operand) if isinstance(expr.type, IntType) and _same_truth(expr):
+        case tree.Cast(operand) if isinstance(expr.type, IntType) and _same_truth(expr):
             jump(gen, operand, sense, label)
-        case Cast(operand) if isinstance(expr.type, IntType) and expr.type.is_bit:
+        case tree.Cast(operand) if isinstance(expr.type, IntType) and expr.type.is_bit:
             _lowest_bit(gen, operand, sense, label)
-        case Ref() | Deref() if expr.width == 1:
+        case tree.Ref() | tree.Deref() if expr.width == 1:
             _bit(gen, expr, sense, label)
-        case Update() if _counted(gen, expr, sense, label):
+        case tree.Update() if _counted(gen, expr, sense, label):
             pass
-        case Assign(target, value) if (
-            not target.width and isinstance(target, Ref) and is_direct(target) and not has_effect(target)
+        case tree.Assign(target, value) if (
+            not target.width and isinstance(target, tree.Ref) and is_direct(target) and not has_effect(target)
         ):
             effect(gen, expr)
             zero_test(gen, list(ref_locs(gen, target)))
@@ -292,7 +280,7 @@ def jump(gen: FunctionGenerator, expr: Expr, sense: bool, label: str) -> None:
             _nonzero(gen, expr, sense, label)
 
 
-def _lowest_bit(gen: FunctionGenerator, operand: Expr, sense: bool, label: str) -> None:
+def _lowest_bit(gen: FunctionGenerator, operand: tree.Expr, sense: bool, label: str) -> None:
     """Jump on the lowest bit, which is all that a conversion to `bit` keeps."""
     byte = operands_of(gen, operand, 1)[0]
     if isinstance(byte, Imm):
@@ -302,7 +290,7 @@ def _lowest_bit(gen: FunctionGenerator, operand: Expr, sense: bool, label: str) 
     gen.goto_if(0, sense, label, bit_source(gen, byte))
 
 
-def _same_truth(expr: Cast) -> bool:
+def _same_truth(expr: tree.Cast) -> bool:
     """Return whether a conversion keeps the truth value of its operand."""
     assert isinstance(expr.type, IntType)
     if expr.type.is_bool and not expr.type.is_bit:
@@ -314,7 +302,7 @@ def _same_truth(expr: Cast) -> bool:
 
 
 def _logic_jump(
-    gen: FunctionGenerator, either: bool, left: Expr, right: Expr, sense: bool, label: str
+    gen: FunctionGenerator, either: bool, left: tree.Expr, right: tree.Expr, sense: bool, label: str
 ) -> None:
     """Jump on `&&` or `||`; the right operand is evaluated only if the left one decides nothing."""
     if either == sense:
@@ -327,7 +315,7 @@ def _logic_jump(
     gen.label(end)
 
 
-def _bit(gen: FunctionGenerator, expr: Ref | Deref, sense: bool, label: str) -> None:
+def _bit(gen: FunctionGenerator, expr: tree.Ref | tree.Deref, sense: bool, label: str) -> None:
     """Jump on one bit of memory."""
     assert expr.bit is not None
     if in_flash(expr):
@@ -335,19 +323,19 @@ def _bit(gen: FunctionGenerator, expr: Ref | Deref, sense: bool, label: str) -> 
         gen.emit("ANDLW", k=1 << expr.bit)
         gen.goto_if(Z, not sense, label)
         return
-    if isinstance(expr, Ref) and expr.index is None:
+    if isinstance(expr, tree.Ref) and expr.index is None:
         gen.goto_if(expr.bit, sense, label, bit_source(gen, gen.loc(expr.symbol, expr.offset)))
         return
     point_fsr(gen, field_byte(expr))
     gen.goto_if(expr.bit, sense, label, INDF)
 
 
-def _bit_test(gen: FunctionGenerator, expr: Binary, sense: bool, label: str) -> bool:
+def _bit_test(gen: FunctionGenerator, expr: tree.Binary, sense: bool, label: str) -> bool:
     """Jump on `x & 0x10` by testing one bit; return whether the expression had that form."""
     left, right = stripped(expr.left), expr.right
-    if isinstance(expr.left, Num):
+    if isinstance(expr.left, tree.Num):
         left, right = stripped(expr.right), expr.left
-    if not isinstance(right, Num) or not is_direct(left) or not isinstance(left, Ref):
+    if not isinstance(right, tree.Num) or not is_direct(left) or not isinstance(left, tree.Ref):
         return False
     mask = right.value & (1 << 8 * expr.type.size) - 1
     if mask.bit_count() != 1:
@@ -359,12 +347,12 @@ def _bit_test(gen: FunctionGenerator, expr: Binary, sense: bool, label: str) -> 
     return True
 
 
-def _counted(gen: FunctionGenerator, expr: Update, sense: bool, label: str) -> bool:
+def _counted(gen: FunctionGenerator, expr: tree.Update, sense: bool, label: str) -> bool:
     """Jump on a one-byte `--n`, `n--` or `++n` with DECFSZ or INCFSZ; return whether that was possible."""
     target = expr.target
-    if not (isinstance(target, Ref) and is_direct(target) and target.type.size == 1):
+    if not (isinstance(target, tree.Ref) and is_direct(target) and target.type.size == 1):
         return False
-    if expr.op not in "+-" or not isinstance(expr.value, Num) or expr.value.value != 1:
+    if expr.op not in "+-" or not isinstance(expr.value, tree.Num) or expr.value.value != 1:
         return False
     if isinstance(target.type, IntType) and target.type.is_bool:
         return False
@@ -393,7 +381,7 @@ def _counted(gen: FunctionGenerator, expr: Update, sense: bool, label: str) -> b
     return True
 
 
-def _nonzero(gen: FunctionGenerator, expr: Expr, sense: bool, label: str) -> None:
+def _nonzero(gen: FunctionGenerator, expr: tree.Expr, sense: bool, label: str) -> None:
     """Jump on any value: whether it is other than 0."""
     size = expr.type.size
     if isinstance(expr.type, IntType):

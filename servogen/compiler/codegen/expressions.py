@@ -9,25 +9,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from servogen.compiler.ast import nodes as tree
 from servogen.compiler.ast.constant_folding import COMPARISONS, has_effect, interval
-from servogen.compiler.ast.nodes import (
-    AddressOf,
-    Assign,
-    Binary,
-    Builtin,
-    Call,
-    Cast,
-    Choice,
-    Comma,
-    ConstNum,
-    Deref,
-    Expr,
-    Logic,
-    Num,
-    Ref,
-    Unary,
-    Update,
-)
 from servogen.compiler.ast.types import IntType, VoidType
 from servogen.compiler.codegen.arithmetic import add, complement, imms, negate
 from servogen.compiler.codegen.assignment import assign, assign_bytes, same_bytes, update
@@ -48,7 +31,7 @@ from servogen.compiler.codegen.operators import right_shift, shift, simple, to_w
 from servogen.compiler.ir.instruction import Byte, Loc, Operand, exposed
 
 
-def into(gen: FunctionGenerator, expr: Expr, target: list[Loc]) -> None:
+def into(gen: FunctionGenerator, expr: tree.Expr, target: list[Loc]) -> None:
     """Store the low len(target) bytes of a value, extending values that have fewer.
 
     A byte of a volatile object is stored once, with the result.
@@ -67,7 +50,7 @@ def into(gen: FunctionGenerator, expr: Expr, target: list[Loc]) -> None:
     gen.place = before
 
 
-def _stored_once(gen: FunctionGenerator, expr: Expr, target: list[Loc]) -> bool:
+def _stored_once(gen: FunctionGenerator, expr: tree.Expr, target: list[Loc]) -> bool:
     """Return whether the code for a value stores each byte of its target at most once and never reads one
     back.
     """
@@ -75,16 +58,16 @@ def _stored_once(gen: FunctionGenerator, expr: Expr, target: list[Loc]) -> bool:
     if size > expr.type.size and negative_possible(expr):
         return False
     match expr:
-        case Unary("-"):
+        case tree.Unary("-"):
             return size == 1 and not same_bytes(gen, expr.operand, target)
-        case Binary(op) if op not in COMPARISONS:
+        case tree.Binary(op) if op not in COMPARISONS:
             return _operator_stores_once(gen, expr, target)
-        case Ref() | Deref() if expr.width:
+        case tree.Ref() | tree.Deref() if expr.width:
             return is_condition(expr)
     return True
 
 
-def _operator_stores_once(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> bool:
+def _operator_stores_once(gen: FunctionGenerator, expr: tree.Binary, target: list[Loc]) -> bool:
     """Return whether an operator's code stores each byte of its target at most once."""
     size = len(target)
     need = min(size, expr.type.size, width_of(*interval(expr))[0])
@@ -95,16 +78,16 @@ def _operator_stores_once(gen: FunctionGenerator, expr: Binary, target: list[Loc
             return True
         case ("+" | "-", _):
             return size <= 2 or same_bytes(gen, expr.left, target)
-        case (("<<" | ">>" | "*" | "/" | "%"), Num(value)):
+        case (("<<" | ">>" | "*" | "/" | "%"), tree.Num(value)):
             return expr.op == "<<" and size == 1 and value in (1, 4)
     return True
 
 
-def _into_num(gen: FunctionGenerator, expr: Num, target: list[Loc]) -> None:
+def _into_num(gen: FunctionGenerator, expr: tree.Num, target: list[Loc]) -> None:
     gen.move_all(target, imms(expr.value, len(target)))
 
 
-def _into_ref(gen: FunctionGenerator, expr: Ref, target: list[Loc]) -> None:
+def _into_ref(gen: FunctionGenerator, expr: tree.Ref, target: list[Loc]) -> None:
     """Store an object: by copies of its bytes, or through FSR or the table that it lies in."""
     if is_direct(expr):
         operands = operands_of(gen, expr, len(target))
@@ -121,7 +104,7 @@ def _into_ref(gen: FunctionGenerator, expr: Ref, target: list[Loc]) -> None:
         indirect_load(gen, expr, target)
 
 
-def _into_deref(gen: FunctionGenerator, expr: Deref, target: list[Loc]) -> None:
+def _into_deref(gen: FunctionGenerator, expr: tree.Deref, target: list[Loc]) -> None:
     """Store the object that a pointer leads to."""
     if expr.width:
         into_field(gen, expr, target)
@@ -131,7 +114,7 @@ def _into_deref(gen: FunctionGenerator, expr: Deref, target: list[Loc]) -> None:
         indirect_load(gen, expr, target)
 
 
-def _into_address_of(gen: FunctionGenerator, expr: AddressOf, target: list[Loc]) -> None:
+def _into_address_of(gen: FunctionGenerator, expr: tree.AddressOf, target: list[Loc]) -> None:
     """Store an address: a constant, plus an index where there is one."""
     if expr.target.index is None:
         gen.move_all(target, operands_of(gen, expr, len(target)))
@@ -143,7 +126,7 @@ def _into_address_of(gen: FunctionGenerator, expr: AddressOf, target: list[Loc])
     gen.move_all(target[len(base) :], imms(0, len(target) - len(base)))
 
 
-def _into_cast(gen: FunctionGenerator, expr: Cast, target: list[Loc]) -> None:
+def _into_cast(gen: FunctionGenerator, expr: tree.Cast, target: list[Loc]) -> None:
     """Store a converted value: truncated, extended with zeros or its sign, or as 0 or 1 (ISO C 6.3.1)."""
     if isinstance(expr.type, VoidType):
         effect(gen, expr.operand)
@@ -162,7 +145,7 @@ def _into_cast(gen: FunctionGenerator, expr: Cast, target: list[Loc]) -> None:
         widen(gen, target, size, signed=negative_possible(expr))
 
 
-def _into_unary(gen: FunctionGenerator, expr: Unary, target: list[Loc]) -> None:
+def _into_unary(gen: FunctionGenerator, expr: tree.Unary, target: list[Loc]) -> None:
     """Store `-x`, `~x` or `!x`."""
     if expr.op == "!":
         boolean(gen, expr, target)
@@ -176,11 +159,11 @@ def _into_unary(gen: FunctionGenerator, expr: Unary, target: list[Loc]) -> None:
         widen(gen, target, size, signed=negative_possible(expr))
 
 
-def _into_logic(gen: FunctionGenerator, expr: Logic, target: list[Loc]) -> None:
+def _into_logic(gen: FunctionGenerator, expr: tree.Logic, target: list[Loc]) -> None:
     boolean(gen, expr, target)
 
 
-def boolean(gen: FunctionGenerator, expr: Expr, target: list[Loc]) -> None:
+def boolean(gen: FunctionGenerator, expr: tree.Expr, target: list[Loc]) -> None:
     """Store 0 or 1 according to a condition."""
     if target and not exposed(target[0]) and not touches(expr, target):
         # clearing first saves a jump, but the condition must not read the target
@@ -195,7 +178,7 @@ def boolean(gen: FunctionGenerator, expr: Expr, target: list[Loc]) -> None:
     gen.move_all(target[1:], imms(0, len(target) - 1))
 
 
-def condition_to_w(gen: FunctionGenerator, expr: Expr) -> None:
+def condition_to_w(gen: FunctionGenerator, expr: tree.Expr) -> None:
     """Load 1 into W if a condition holds, otherwise 0."""
     no, end = gen.new_label(), gen.new_label()
     gen.lower.jump(gen, expr, False, no)
@@ -206,7 +189,7 @@ def condition_to_w(gen: FunctionGenerator, expr: Expr) -> None:
     gen.label(end)
 
 
-def _into_choice(gen: FunctionGenerator, expr: Choice, target: list[Loc]) -> None:
+def _into_choice(gen: FunctionGenerator, expr: tree.Choice, target: list[Loc]) -> None:
     """Store one of two values; only the chosen one is evaluated (ISO C 6.5.15)."""
     no, end = gen.new_label(), gen.new_label()
     part = target[: expr.type.size]
@@ -220,12 +203,12 @@ def _into_choice(gen: FunctionGenerator, expr: Choice, target: list[Loc]) -> Non
         widen(gen, target, len(part), signed=negative_possible(expr))
 
 
-def _into_comma(gen: FunctionGenerator, expr: Comma, target: list[Loc]) -> None:
+def _into_comma(gen: FunctionGenerator, expr: tree.Comma, target: list[Loc]) -> None:
     effect(gen, expr.first)
     into(gen, expr.second, target)
 
 
-def _into_assign(gen: FunctionGenerator, expr: Assign, target: list[Loc]) -> None:
+def _into_assign(gen: FunctionGenerator, expr: tree.Assign, target: list[Loc]) -> None:
     """Store the value of an assignment, which is the value stored; a volatile object is not read back."""
     there = expr.target
     if not there.type.scalar:
@@ -238,7 +221,7 @@ def _into_assign(gen: FunctionGenerator, expr: Assign, target: list[Loc]) -> Non
         into(gen, there, target)
         return
     if there.width:
-        stored: Expr = hold_value(gen, expr.value, there)
+        stored: tree.Expr = hold_value(gen, expr.value, there)
         assign(gen, there, stored)
         into(gen, stored, target)
         return
@@ -249,7 +232,7 @@ def _into_assign(gen: FunctionGenerator, expr: Assign, target: list[Loc]) -> Non
     gen.move_all(target, extended(gen, list(ready), expr, len(target)))
 
 
-def hold_value(gen: FunctionGenerator, value: Expr, target: Ref | Deref) -> Ref:
+def hold_value(gen: FunctionGenerator, value: tree.Expr, target: tree.Ref | tree.Deref) -> tree.Ref:
     """Return a temporary with a value as `target` holds it: for a bit-field, only its bits are kept."""
     size = target.type.size
     block = gen.temp() if size == 1 else gen.block_temp(size)
@@ -258,12 +241,12 @@ def hold_value(gen: FunctionGenerator, value: Expr, target: Ref | Deref) -> Ref:
         cut_to_field(gen, list(block), target)
     first = block[0]
     assert isinstance(first, Byte)
-    return Ref(first.symbol, 0, None, target.type.plain(), target.place)
+    return tree.Ref(first.symbol, 0, None, target.type.plain(), target.place)
 
 
-def _into_update(gen: FunctionGenerator, expr: Update, target: list[Loc]) -> None:
+def _into_update(gen: FunctionGenerator, expr: tree.Update, target: list[Loc]) -> None:
     """Update an object, and store the value that the expression has: the new one, or the previous one."""
-    direct = isinstance(expr.target, Ref) and is_direct(expr.target)
+    direct = isinstance(expr.target, tree.Ref) and is_direct(expr.target)
     # the address is evaluated once: an index or pointer with effects must not run twice
     source = expr.target if direct else settled(gen, expr.target)
     if has_effect(source):
@@ -276,7 +259,9 @@ def _into_update(gen: FunctionGenerator, expr: Update, target: list[Loc]) -> Non
         into(gen, source, target)
 
 
-def _volatile_update(gen: FunctionGenerator, expr: Update, source: Ref | Deref, target: list[Loc]) -> None:
+def _volatile_update(
+    gen: FunctionGenerator, expr: tree.Update, source: tree.Ref | tree.Deref, target: list[Loc]
+) -> None:
     """Update a volatile object with one read and one store; the value is computed in temporaries."""
     old = hold_value(gen, source, source) if expr.post else source
     new = hold_value(gen, updated(expr, old), source)
@@ -284,7 +269,7 @@ def _volatile_update(gen: FunctionGenerator, expr: Update, source: Ref | Deref, 
     into(gen, old if expr.post else new, target)
 
 
-def _into_binary(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> None:
+def _into_binary(gen: FunctionGenerator, expr: tree.Binary, target: list[Loc]) -> None:
     """Compute an operator in as many bytes as its values need, and extend the result."""
     if expr.op in COMPARISONS:
         boolean(gen, expr, target)
@@ -306,7 +291,7 @@ def _into_binary(gen: FunctionGenerator, expr: Binary, target: list[Loc]) -> Non
         widen(gen, target, need, signed=negative_possible(expr))
 
 
-def _into_call(gen: FunctionGenerator, expr: Call, target: list[Loc]) -> None:
+def _into_call(gen: FunctionGenerator, expr: tree.Call, target: list[Loc]) -> None:
     """Store the result of a call, which is in W or in the callee's bytes."""
     function = gen.lower.call(gen, expr)
     if function.returns_w:
@@ -321,7 +306,7 @@ def _into_call(gen: FunctionGenerator, expr: Call, target: list[Loc]) -> None:
     widen_result(gen, expr, target, len(result))
 
 
-def _into_builtin(gen: FunctionGenerator, expr: Builtin, target: list[Loc]) -> None:
+def _into_builtin(gen: FunctionGenerator, expr: tree.Builtin, target: list[Loc]) -> None:
     """Store the result of an operation of the chip or the library."""
     result = gen.lower.builtin(gen, expr)
     if not result:
@@ -332,7 +317,7 @@ def _into_builtin(gen: FunctionGenerator, expr: Builtin, target: list[Loc]) -> N
     widen_result(gen, expr, target, have)
 
 
-def effect(gen: FunctionGenerator, expr: Expr) -> None:
+def effect(gen: FunctionGenerator, expr: tree.Expr) -> None:
     """Evaluate an expression only for its effect."""
     before = gen.place
     gen.place = expr.place if expr.place.line else gen.place
@@ -340,28 +325,28 @@ def effect(gen: FunctionGenerator, expr: Expr) -> None:
     gen.place = before
 
 
-def _evaluate(gen: FunctionGenerator, expr: Expr) -> None:
+def _evaluate(gen: FunctionGenerator, expr: tree.Expr) -> None:
     """Evaluate an expression for its effect, and of its operands only those that have one."""
     match expr:
-        case Assign(target, value):
+        case tree.Assign(target, value):
             assign(gen, target, value)
-        case Update():
+        case tree.Update():
             update(gen, expr, settled(gen, expr.target))
-        case Cast(operand) | Unary(_, operand):
+        case tree.Cast(operand) | tree.Unary(_, operand):
             _evaluate(gen, operand)
-        case Binary(_, left, right):
+        case tree.Binary(_, left, right):
             _evaluate(gen, left)
             _evaluate(gen, right)
-        case Comma(first, second):
+        case tree.Comma(first, second):
             _evaluate(gen, first)
             _evaluate(gen, second)
-        case Logic(op, left, right):
+        case tree.Logic(op, left, right):
             # the right operand is evaluated only if the left one does not decide (ISO C 6.5.13, 6.5.14)
             end = gen.new_label()
             gen.lower.jump(gen, left, op == "||", end)
             _evaluate(gen, right)
             gen.label(end)
-        case Choice(condition, yes, no):
+        case tree.Choice(condition, yes, no):
             other, end = gen.new_label(), gen.new_label()
             gen.lower.jump(gen, condition, False, other)
             _evaluate(gen, yes)
@@ -369,30 +354,32 @@ def _evaluate(gen: FunctionGenerator, expr: Expr) -> None:
             gen.label(other)
             _evaluate(gen, no)
             gen.label(end)
-        case Call():
+        case tree.Call():
             gen.lower.call(gen, expr)
-        case Builtin():
+        case tree.Builtin():
             gen.lower.builtin(gen, expr)
-        case Ref() | Deref() if has_effect(expr) and expr.type.scalar:
+        case tree.Ref() | tree.Deref() if has_effect(expr) and expr.type.scalar:
             to_w(gen, expr)
-        case Ref(index=inner) | Deref(pointer=inner) | AddressOf(Ref(index=inner)) if inner is not None:
+        case tree.Ref(index=inner) | tree.Deref(pointer=inner) | tree.AddressOf(tree.Ref(index=inner)) if (
+            inner is not None
+        ):
             _evaluate(gen, inner)
 
 
 _INTO: dict[type, Callable[[FunctionGenerator, Any, list[Loc]], None]] = {
-    Num: _into_num,
-    ConstNum: _into_num,
-    Ref: _into_ref,
-    Deref: _into_deref,
-    AddressOf: _into_address_of,
-    Cast: _into_cast,
-    Unary: _into_unary,
-    Logic: _into_logic,
-    Choice: _into_choice,
-    Comma: _into_comma,
-    Assign: _into_assign,
-    Update: _into_update,
-    Binary: _into_binary,
-    Call: _into_call,
-    Builtin: _into_builtin,
+    tree.Num: _into_num,
+    tree.ConstNum: _into_num,
+    tree.Ref: _into_ref,
+    tree.Deref: _into_deref,
+    tree.AddressOf: _into_address_of,
+    tree.Cast: _into_cast,
+    tree.Unary: _into_unary,
+    tree.Logic: _into_logic,
+    tree.Choice: _into_choice,
+    tree.Comma: _into_comma,
+    tree.Assign: _into_assign,
+    tree.Update: _into_update,
+    tree.Binary: _into_binary,
+    tree.Call: _into_call,
+    tree.Builtin: _into_builtin,
 }

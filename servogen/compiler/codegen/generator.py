@@ -9,18 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from servogen.compiler.ast.nodes import (
-    AddressByte,
-    Binary,
-    Builtin,
-    Call,
-    CaseLabel,
-    Deref,
-    Expr,
-    FunctionDefinition,
-    Ref,
-    Symbol,
-)
+from servogen.compiler.ast import nodes as tree
 from servogen.compiler.codegen.routines import Routines
 from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.ir.builder import InstructionBuilder, Library
@@ -32,27 +21,27 @@ from servogen.compiler.ir.instruction import DELAY, FSR, INDF, Byte, Instruction
 class Lowering:
     """The functions of higher modules that the lower modules of the generator call."""
 
-    into: Callable[[FunctionGenerator, Expr, list[Loc]], None]
+    into: Callable[[FunctionGenerator, tree.Expr, list[Loc]], None]
     """Store the low len(target) bytes of a value, extended where it has fewer."""
-    boolean: Callable[[FunctionGenerator, Expr, list[Loc]], None]
+    boolean: Callable[[FunctionGenerator, tree.Expr, list[Loc]], None]
     """Store 0 or 1 by a condition."""
-    condition_to_w: Callable[[FunctionGenerator, Expr], None]
+    condition_to_w: Callable[[FunctionGenerator, tree.Expr], None]
     """Load 0 or 1 into W by a condition."""
-    jump: Callable[[FunctionGenerator, Expr, bool, str], None]
+    jump: Callable[[FunctionGenerator, tree.Expr, bool, str], None]
     """Go to the label when the truth of the expression is as given, else fall through."""
-    call: Callable[[FunctionGenerator, Call], Function]
+    call: Callable[[FunctionGenerator, tree.Call], Function]
     """Call a function; its result is in W or in its result bytes."""
-    builtin: Callable[[FunctionGenerator, Builtin], list[Loc]]
+    builtin: Callable[[FunctionGenerator, tree.Builtin], list[Loc]]
     """Execute an operation of the chip or the library; return the bytes of a result that is not in W."""
-    multiply: Callable[[FunctionGenerator, Binary, list[Loc]], None]
-    divide: Callable[[FunctionGenerator, Binary, list[Loc]], None]
-    flash_byte: Callable[[FunctionGenerator, Ref], None]
+    multiply: Callable[[FunctionGenerator, tree.Binary, list[Loc]], None]
+    divide: Callable[[FunctionGenerator, tree.Binary, list[Loc]], None]
+    flash_byte: Callable[[FunctionGenerator, tree.Ref], None]
     """Load one byte of a table into W."""
-    from_flash: Callable[[FunctionGenerator, Ref, list[Loc]], None]
+    from_flash: Callable[[FunctionGenerator, tree.Ref, list[Loc]], None]
     """Store a value that lies in flash."""
-    wide_load: Callable[[FunctionGenerator, Deref, list[Loc]], None]
+    wide_load: Callable[[FunctionGenerator, tree.Deref, list[Loc]], None]
     """Store a value behind a pointer that may lead to flash."""
-    one_byte_indirect: Callable[[FunctionGenerator, Ref | Deref], bool]
+    one_byte_indirect: Callable[[FunctionGenerator, tree.Ref | tree.Deref], bool]
     """Load one byte through FSR or from flash straight into W, where that is possible."""
 
 
@@ -62,10 +51,10 @@ class Context:
 
     signature: Callable[[str], Function]
     """The parameters and result of a function, before or after its code is generated."""
-    symbol_map: Callable[[Symbol], Symbol]
+    symbol_map: Callable[[tree.Symbol], tree.Symbol]
     library: Library
     routines: Routines
-    asm_symbols: dict[str, Symbol]
+    asm_symbols: dict[str, tree.Symbol]
     reporter: Reporter
     isr: bool
 
@@ -109,10 +98,10 @@ class Division:
         return False
 
 
-def _indexed(before: Sequence[Instruction]) -> Symbol | None:
+def _indexed(before: Sequence[Instruction]) -> tree.Symbol | None:
     """Return the array of whose element W holds the address, if it was added just before."""
     last = before[-1] if before else None
-    if last is None or last.op != "ADDLW" or not isinstance(last.k, AddressByte):
+    if last is None or last.op != "ADDLW" or not isinstance(last.k, tree.AddressByte):
         return None
     return last.k.symbol
 
@@ -120,7 +109,7 @@ def _indexed(before: Sequence[Instruction]) -> Symbol | None:
 class FunctionGenerator(InstructionBuilder):
     """An instruction builder that knows the function whose body it translates."""
 
-    def __init__(self, definition: FunctionDefinition, context: Context, lower: Lowering) -> None:
+    def __init__(self, definition: tree.FunctionDefinition, context: Context, lower: Lowering) -> None:
         function = context.signature(definition.name)
         super().__init__(function, place=definition.place, symbol_map=context.symbol_map)
         self.definition = definition
@@ -129,7 +118,7 @@ class FunctionGenerator(InstructionBuilder):
         self.isr = context.isr
         self.break_labels: list[str] = []
         self.continue_labels: list[str] = []
-        self.case_labels: dict[CaseLabel, str] = {}
+        self.case_labels: dict[tree.CaseLabel, str] = {}
         self.user_labels: dict[str, str] = {}
         self.division: Division | None = None
         self.end_label = self.new_label("end")

@@ -14,28 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from servogen.compiler.ast.nodes import (
-    AddressOf,
-    Asm,
-    Assign,
-    Binary,
-    BlockStatement,
-    CaseLabel,
-    Cast,
-    Expr,
-    ExprStmt,
-    FunctionDefinition,
-    LabelStmt,
-    Logic,
-    Loop,
-    Num,
-    Ref,
-    Stmt,
-    Switch,
-    Symbol,
-    Unary,
-    Update,
-)
+from servogen.compiler.ast import nodes as tree
 from servogen.compiler.ast.types import U8, U16, IntType
 from servogen.compiler.ast.walk import CHILD_FIELDS, nodes
 
@@ -50,33 +29,33 @@ MAX_WIDE_TRIPS = 0xFF00
 class _Counting:
     """`before; loop` that counts `variable` from `first` up to, but not including, `end`."""
 
-    before: ExprStmt
-    loop: Loop
-    variable: Ref
+    before: tree.ExprStmt
+    loop: tree.Loop
+    variable: tree.Ref
     first: int
     end: int
 
 
-def simplify_counters(function: FunctionDefinition) -> None:
+def simplify_counters(function: tree.FunctionDefinition) -> None:
     """Rewrite the counting loops of a function."""
     if function.body is None or _is_entered_in_the_middle(function.body):
         return
-    for block in [node for node in nodes(function.body) if isinstance(node, BlockStatement)]:
+    for block in [node for node in nodes(function.body) if isinstance(node, tree.BlockStatement)]:
         for before, loop in zip(block.body, block.body[1:], strict=False):
             counting = _counting(before, loop)
             if counting is not None and not _may_change(counting):
                 _rewrite(function, counting)
 
 
-def _rewrite(function: FunctionDefinition, counting: _Counting) -> None:
+def _rewrite(function: tree.FunctionDefinition, counting: _Counting) -> None:
     """Rewrite a counting loop in the shortest of the forms in the module's description that applies."""
     before, loop, variable = counting.before, counting.loop, counting.variable
-    low = Ref(variable.symbol, variable.offset, None, U8, variable.place)
-    one, place = Num(1, U8, loop.place), loop.place
+    low = tree.Ref(variable.symbol, variable.offset, None, U8, variable.place)
+    one, place = tree.Num(1, U8, loop.place), loop.place
     trips = counting.end - counting.first
     if trips <= MAX_TRIPS and _is_only_counter(function, counting):
-        before.expr = Assign(low, Num(trips % MAX_TRIPS, U8, place), U8, place)
-        loop.condition = Update("-", low, one, U8, post=False, type=U8, place=place)
+        before.expr = tree.Assign(low, tree.Num(trips % MAX_TRIPS, U8, place), U8, place)
+        loop.condition = tree.Update("-", low, one, U8, post=False, type=U8, place=place)
         loop.step, loop.post = None, True
         return
     wide = variable.type.size == U16.size
@@ -87,16 +66,16 @@ def _rewrite(function: FunctionDefinition, counting: _Counting) -> None:
         return
     if counting.end >= MAX_TRIPS:
         if wide:  # unsigned, since it never is negative
-            whole = Ref(variable.symbol, variable.offset, None, U16, variable.place)
-            loop.condition = Binary("<", whole, Num(counting.end, U16, place), U8, place)
+            whole = tree.Ref(variable.symbol, variable.offset, None, U16, variable.place)
+            loop.condition = tree.Binary("<", whole, tree.Num(counting.end, U16, place), U8, place)
             loop.post = True
         return
     if counting.end.bit_count() == 1:
-        test = Binary("&", low, Num(counting.end, U8, place), U8, place)
-        loop.condition = Unary("!", test, U8, place)
+        test = tree.Binary("&", low, tree.Num(counting.end, U8, place), U8, place)
+        loop.condition = tree.Unary("!", test, U8, place)
     else:
-        loop.condition = Binary("<", low, Num(counting.end, U8, place), U8, place)
-    loop.step = Update("+", low, one, U8, post=False, type=U8, place=place)
+        loop.condition = tree.Binary("<", low, tree.Num(counting.end, U8, place), U8, place)
+    loop.step = tree.Update("+", low, one, U8, post=False, type=U8, place=place)
     loop.post = True
     if variable.type.size > 1:
         _narrow_reads(loop.body, variable)
@@ -108,13 +87,13 @@ def _count_down_two_bytes(counting: _Counting, trips: int) -> None:
     place = loop.place
     # `--low` is 0 once in 256 turns: the high byte counts these, and the first round may be shorter
     low, high = trips % MAX_TRIPS, -(-trips // MAX_TRIPS)
-    whole = Ref(variable.symbol, variable.offset, None, U16, variable.place)
-    counting.before.expr = Assign(whole, Num(high * MAX_TRIPS + low, U16, place), U16, place)
+    whole = tree.Ref(variable.symbol, variable.offset, None, U16, variable.place)
+    counting.before.expr = tree.Assign(whole, tree.Num(high * MAX_TRIPS + low, U16, place), U16, place)
     less_low, less_high = (
-        Update(
+        tree.Update(
             "-",
-            Ref(variable.symbol, variable.offset + byte, None, U8, variable.place),
-            Num(1, U8, place),
+            tree.Ref(variable.symbol, variable.offset + byte, None, U8, variable.place),
+            tree.Num(1, U8, place),
             U8,
             post=False,
             type=U8,
@@ -122,11 +101,11 @@ def _count_down_two_bytes(counting: _Counting, trips: int) -> None:
         )
         for byte in (0, 1)
     )
-    loop.condition = Logic("||", less_low, less_high, U8, place)
+    loop.condition = tree.Logic("||", less_low, less_high, U8, place)
     loop.step, loop.post = None, True
 
 
-def _narrow_reads(body: Stmt, variable: Ref) -> None:
+def _narrow_reads(body: tree.Stmt, variable: tree.Ref) -> None:
     """Replace what reads a wide variable that stays below 256 by its low byte, in the wide type."""
 
     def narrow(value: object) -> object:
@@ -134,30 +113,34 @@ def _narrow_reads(body: Stmt, variable: Ref) -> None:
             return [narrow(item) for item in value]
         if not _is_same(value, variable):
             return value
-        assert isinstance(value, Ref)
-        low = Ref(value.symbol, value.offset, None, U8, value.place)
-        return Cast(low, value.type, value.place)
+        assert isinstance(value, tree.Ref)
+        low = tree.Ref(value.symbol, value.offset, None, U8, value.place)
+        return tree.Cast(low, value.type, value.place)
 
     for node in list(nodes(body)):
         for name in CHILD_FIELDS[node.__class__]:
             value = getattr(node, name)
-            if isinstance(value, (Ref, list)):
+            if isinstance(value, (tree.Ref, list)):
                 setattr(node, name, narrow(value))
 
 
-def _counting(before: Stmt, loop: Stmt) -> _Counting | None:
+def _counting(before: tree.Stmt, loop: tree.Stmt) -> _Counting | None:
     """Return what two statements count, if they are a `for` that counts up by 1 between constants."""
-    if not isinstance(loop, Loop) or loop.post or not isinstance(before, ExprStmt):
+    if not isinstance(loop, tree.Loop) or loop.post or not isinstance(before, tree.ExprStmt):
         return None
     assign, test, step = before.expr, loop.condition, loop.step
-    if not isinstance(assign, Assign) or not isinstance(assign.value, Num) or not isinstance(test, Binary):
+    if (
+        not isinstance(assign, tree.Assign)
+        or not isinstance(assign.value, tree.Num)
+        or not isinstance(test, tree.Binary)
+    ):
         return None
     variable, first = assign.target, assign.value.value
-    if not isinstance(variable, Ref) or not _is_plain(variable) or not isinstance(test.right, Num):
+    if not isinstance(variable, tree.Ref) or not _is_plain(variable) or not isinstance(test.right, tree.Num):
         return None
-    if not isinstance(step, Update) or step.op != "+" or not _is_same(step.target, variable):
+    if not isinstance(step, tree.Update) or step.op != "+" or not _is_same(step.target, variable):
         return None
-    if not isinstance(step.value, Num) or step.value.value != 1 or not _reads(test.left, variable):
+    if not isinstance(step.value, tree.Num) or step.value.value != 1 or not _reads(test.left, variable):
         return None
     ends = {"<": test.right.value, "!=": test.right.value, "<=": test.right.value + 1}
     end = ends.get(test.op)
@@ -167,7 +150,7 @@ def _counting(before: Stmt, loop: Stmt) -> _Counting | None:
     return _Counting(before, loop, variable, first, end)
 
 
-def _is_plain(variable: Ref) -> bool:
+def _is_plain(variable: tree.Ref) -> bool:
     """Return whether a variable is a whole local one that only this function can reach."""
     symbol = variable.symbol
     whole = variable.offset == 0 and variable.index is None and not variable.width
@@ -176,10 +159,12 @@ def _is_plain(variable: Ref) -> bool:
     return whole and private and integer and symbol.type.size == variable.type.size
 
 
-def _reads(expr: Expr, variable: Ref) -> bool:
+def _reads(expr: tree.Expr, variable: tree.Ref) -> bool:
     """Return whether an expression is the value of a variable, in the same or a wider type."""
     while (
-        isinstance(expr, Cast) and isinstance(expr.type, IntType) and isinstance(expr.operand.type, IntType)
+        isinstance(expr, tree.Cast)
+        and isinstance(expr.type, IntType)
+        and isinstance(expr.operand.type, IntType)
     ):
         if not (expr.type.low <= expr.operand.type.low and expr.operand.type.high <= expr.type.high):
             return False
@@ -187,25 +172,25 @@ def _reads(expr: Expr, variable: Ref) -> bool:
     return _is_same(expr, variable)
 
 
-def _is_same(expr: object, variable: Ref) -> bool:
+def _is_same(expr: object, variable: tree.Ref) -> bool:
     """Return whether an expression names a variable as a whole."""
     return (
-        isinstance(expr, Ref)
+        isinstance(expr, tree.Ref)
         and expr.symbol is variable.symbol
         and (expr.offset, expr.index, expr.width) == (0, None, 0)
         and expr.type.size == variable.type.size
     )
 
 
-def _is_entered_in_the_middle(body: BlockStatement) -> bool:
+def _is_entered_in_the_middle(body: tree.BlockStatement) -> bool:
     """Return whether a `goto`, assembly or a `case` may lead into a loop."""
     below = list(nodes(body))
-    if any(isinstance(node, (Asm, LabelStmt)) for node in below):
+    if any(isinstance(node, (tree.Asm, tree.LabelStmt)) for node in below):
         return True
-    for loop in [node for node in below if isinstance(node, Loop)]:
+    for loop in [node for node in below if isinstance(node, tree.Loop)]:
         inside = list(nodes(loop.body))
-        own = {id(label) for node in inside if isinstance(node, Switch) for label in _labels(node)}
-        if any(isinstance(node, CaseLabel) and id(node) not in own for node in inside):
+        own = {id(label) for node in inside if isinstance(node, tree.Switch) for label in _labels(node)}
+        if any(isinstance(node, tree.CaseLabel) and id(node) not in own for node in inside):
             return True
     return False
 
@@ -214,18 +199,19 @@ def _may_change(counting: _Counting) -> bool:
     """Return whether the body may change the variable."""
     symbol = counting.variable.symbol
     return any(
-        isinstance(inner, (Assign, Update, AddressOf)) and getattr(inner.target, "symbol", None) is symbol
+        isinstance(inner, (tree.Assign, tree.Update, tree.AddressOf))
+        and getattr(inner.target, "symbol", None) is symbol
         for inner in nodes(counting.loop.body)
     )
 
 
-def _labels(switch: Switch) -> list[CaseLabel]:
+def _labels(switch: tree.Switch) -> list[tree.CaseLabel]:
     """Return the labels of a switch, the default's among them."""
     labels = [label for _, label in switch.cases]
     return labels if switch.default is None else [*labels, switch.default]
 
 
-def _is_only_counter(function: FunctionDefinition, counting: _Counting) -> bool:
+def _is_only_counter(function: tree.FunctionDefinition, counting: _Counting) -> bool:
     """Return whether a variable is used for nothing but counting in this and in other such loops.
 
     Each other use must follow an assignment of its own, in a `for` that is not around this one.
@@ -235,26 +221,30 @@ def _is_only_counter(function: FunctionDefinition, counting: _Counting) -> bool:
         return False
     assert function.body is not None
     own: set[int] = set()
-    for block in [node for node in nodes(function.body) if isinstance(node, BlockStatement)]:
+    for block in [node for node in nodes(function.body) if isinstance(node, tree.BlockStatement)]:
         for before, loop in zip(block.body, block.body[1:], strict=False):
-            if isinstance(before, ExprStmt) and isinstance(loop, Loop) and _assigns(before.expr, symbol):
+            if (
+                isinstance(before, tree.ExprStmt)
+                and isinstance(loop, tree.Loop)
+                and _assigns(before.expr, symbol)
+            ):
                 if loop is not counting.loop and any(node is counting.loop for node in nodes(loop)):
                     return False
                 own |= _uses(before, symbol) | _uses(loop, symbol)
     return _uses(function.body, symbol) <= own
 
 
-def _assigns(expr: Expr, symbol: Symbol) -> bool:
+def _assigns(expr: tree.Expr, symbol: tree.Symbol) -> bool:
     """Return whether an expression is an assignment of the whole variable, by a constant."""
     return (
-        isinstance(expr, Assign)
-        and isinstance(expr.target, Ref)
+        isinstance(expr, tree.Assign)
+        and isinstance(expr.target, tree.Ref)
         and expr.target.symbol is symbol
         and expr.target.index is None
-        and isinstance(expr.value, Num)
+        and isinstance(expr.value, tree.Num)
     )
 
 
-def _uses(node: object, symbol: Symbol) -> set[int]:
+def _uses(node: object, symbol: tree.Symbol) -> set[int]:
     """Return the identities of the nodes below a node that name a variable."""
-    return {id(ref) for ref in nodes(node) if isinstance(ref, Ref) and ref.symbol is symbol}
+    return {id(ref) for ref in nodes(node) if isinstance(ref, tree.Ref) and ref.symbol is symbol}

@@ -9,26 +9,8 @@ from collections.abc import Callable
 from itertools import islice
 from typing import Any
 
+from servogen.compiler.ast import nodes as tree
 from servogen.compiler.ast.constant_folding import COMPARISONS, compare, interval
-from servogen.compiler.ast.nodes import (
-    Asm,
-    Assign,
-    Binary,
-    BlockStatement,
-    CaseLabel,
-    Cast,
-    ExprStmt,
-    If,
-    Jump,
-    LabelStmt,
-    Loop,
-    Num,
-    Ref,
-    Return,
-    Stmt,
-    Switch,
-    Symbol,
-)
 from servogen.compiler.ast.types import U8, IntType, VoidType
 from servogen.compiler.codegen.conditions import differ, jump
 from servogen.compiler.codegen.effects import width_of
@@ -61,34 +43,39 @@ def generate(gen: FunctionGenerator) -> Function:
     return gen.function
 
 
-def statement(gen: FunctionGenerator, node: Stmt) -> None:
+def statement(gen: FunctionGenerator, node: tree.Stmt) -> None:
     _STATEMENTS[type(node)](gen, node)
 
 
-def _stmt_block(gen: FunctionGenerator, node: BlockStatement) -> None:
+def _stmt_block(gen: FunctionGenerator, node: tree.BlockStatement) -> None:
     """Generate the statements of a block; a loop whose test holds after the statement before it is entered
     without the test.
     """
-    before: Stmt | None = None
+    before: tree.Stmt | None = None
     for item in node.body:
-        if isinstance(item, Loop) and not item.post and before is not None and _holds_at_first(item, before):
+        if (
+            isinstance(item, tree.Loop)
+            and not item.post
+            and before is not None
+            and _holds_at_first(item, before)
+        ):
             _loop(gen, item, entered=True)
         else:
             statement(gen, item)
         before = item
 
 
-def _stmt_expr_stmt(gen: FunctionGenerator, node: ExprStmt) -> None:
+def _stmt_expr_stmt(gen: FunctionGenerator, node: tree.ExprStmt) -> None:
     effect(gen, node.expr)
 
 
-def _stmt_if(gen: FunctionGenerator, node: If) -> None:
+def _stmt_if(gen: FunctionGenerator, node: tree.If) -> None:
     """Generate an `if`."""
     gen.place = node.place
     if node.no is None:
         end = gen.new_label()
         # the condition itself jumps where `break` or `continue` leads
-        if isinstance(node.yes, Jump) and node.yes.kind in ("break", "continue"):
+        if isinstance(node.yes, tree.Jump) and node.yes.kind in ("break", "continue"):
             target = (gen.break_labels if node.yes.kind == "break" else gen.continue_labels)[-1]
             jump(gen, node.condition, True, target)
             return
@@ -105,11 +92,11 @@ def _stmt_if(gen: FunctionGenerator, node: If) -> None:
     gen.label(end)
 
 
-def _stmt_loop(gen: FunctionGenerator, node: Loop) -> None:
+def _stmt_loop(gen: FunctionGenerator, node: tree.Loop) -> None:
     _loop(gen, node, entered=False)
 
 
-def _loop(gen: FunctionGenerator, node: Loop, *, entered: bool) -> None:
+def _loop(gen: FunctionGenerator, node: tree.Loop, *, entered: bool) -> None:
     """Generate a loop; the test goes to the end if it certainly holds at first."""
     gen.place = node.place
     start = gen.function.size
@@ -136,7 +123,7 @@ def _loop(gen: FunctionGenerator, node: Loop, *, entered: bool) -> None:
     _note_loop(gen, node, start)
 
 
-def _note_loop(gen: FunctionGenerator, node: Loop, start: int) -> None:
+def _note_loop(gen: FunctionGenerator, node: tree.Loop, start: int) -> None:
     """Record the location of a loop, so that the listing can name loops without a known bound."""
     places = [
         node.place,
@@ -146,7 +133,7 @@ def _note_loop(gen: FunctionGenerator, node: Loop, start: int) -> None:
     gen.function.loops.append(LoopLines(node.kind, min(inside), max(inside)))
 
 
-def _stmt_switch(gen: FunctionGenerator, node: Switch) -> None:
+def _stmt_switch(gen: FunctionGenerator, node: tree.Switch) -> None:
     """Generate a switch: jumps to the cases, then the body with their labels."""
     gen.place = node.place
     end = gen.new_label()
@@ -162,7 +149,7 @@ def _stmt_switch(gen: FunctionGenerator, node: Switch) -> None:
     gen.label(end)
 
 
-def _dispatch(gen: FunctionGenerator, node: Switch) -> None:
+def _dispatch(gen: FunctionGenerator, node: tree.Switch) -> None:
     """Emit the comparisons of a switch with its cases."""
     low, high = interval(node.value)
     possible = [(value, label) for value, label in node.cases if low <= value <= high]
@@ -194,11 +181,11 @@ def _dispatch(gen: FunctionGenerator, node: Switch) -> None:
         gen.label(other)
 
 
-def _stmt_case_label(gen: FunctionGenerator, node: CaseLabel) -> None:
+def _stmt_case_label(gen: FunctionGenerator, node: tree.CaseLabel) -> None:
     gen.label(gen.case_labels[node])
 
 
-def _stmt_jump(gen: FunctionGenerator, node: Jump) -> None:
+def _stmt_jump(gen: FunctionGenerator, node: tree.Jump) -> None:
     """Generate `break`, `continue` or `goto`."""
     gen.place = node.place
     if node.kind == "goto":
@@ -213,12 +200,12 @@ def _user_label(gen: FunctionGenerator, name: str) -> str:
     return gen.user_labels[name]
 
 
-def _stmt_label_stmt(gen: FunctionGenerator, node: LabelStmt) -> None:
+def _stmt_label_stmt(gen: FunctionGenerator, node: tree.LabelStmt) -> None:
     gen.place = node.place
     gen.label(_user_label(gen, node.name))
 
 
-def _stmt_return(gen: FunctionGenerator, node: Return) -> None:
+def _stmt_return(gen: FunctionGenerator, node: tree.Return) -> None:
     """Put the result where callers expect it, and jump to the function's end."""
     gen.place = node.place
     if node.value is not None:
@@ -233,7 +220,7 @@ def _stmt_return(gen: FunctionGenerator, node: Return) -> None:
     gen.goto(gen.end_label)
 
 
-def _stmt_asm(gen: FunctionGenerator, node: Asm) -> None:
+def _stmt_asm(gen: FunctionGenerator, node: tree.Asm) -> None:
     """Assemble the lines of an assembly statement; errors are reported at their lines."""
     gen.function.inline_asm = True
     labels: dict[str, str] = {}
@@ -249,17 +236,17 @@ def _stmt_asm(gen: FunctionGenerator, node: Asm) -> None:
             gen.function.append(line)
 
 
-def _asm_name(gen: FunctionGenerator, node: Asm) -> Callable[[str], Symbol | None]:
+def _asm_name(gen: FunctionGenerator, node: tree.Asm) -> Callable[[str], tree.Symbol | None]:
     """Return what resolves C names in assembly: locals of the block first, then the program's."""
 
-    def find(name: str) -> Symbol | None:
+    def find(name: str) -> tree.Symbol | None:
         symbol = node.names.get(name) or node.names.get("_" + name) or gen.context.asm_symbols.get(name)
         return gen.symbol(symbol) if symbol is not None else None
 
     return find
 
 
-def _asm_label(gen: FunctionGenerator, node: Asm, labels: dict[str, str]) -> Callable[[str], str]:
+def _asm_label(gen: FunctionGenerator, node: tree.Asm, labels: dict[str, str]) -> Callable[[str], str]:
     """Return the function that resolves labels: they are local to their block; `_name` may be a C
     function.
     """
@@ -272,23 +259,27 @@ def _asm_label(gen: FunctionGenerator, node: Asm, labels: dict[str, str]) -> Cal
     return find
 
 
-def _holds_at_first(loop: Loop, before: Stmt) -> bool:
+def _holds_at_first(loop: tree.Loop, before: tree.Stmt) -> bool:
     """Return whether the test of a loop certainly holds at first: `for (i = 0; i < 8; i++)`."""
-    if not isinstance(before, ExprStmt) or not isinstance(before.expr, Assign):
+    if not isinstance(before, tree.ExprStmt) or not isinstance(before.expr, tree.Assign):
         return False
     target, value, test = before.expr.target, before.expr.value, loop.condition
-    if not isinstance(target, Ref) or not isinstance(value, Num) or target.symbol.volatile:
+    if not isinstance(target, tree.Ref) or not isinstance(value, tree.Num) or target.symbol.volatile:
         return False
-    if isinstance(test, Ref) and value.value:
-        test = Binary("!=", test, Num(0, U8, test.place), U8, test.place)
-    if not isinstance(test, Binary) or test.op not in COMPARISONS or not isinstance(test.right, Num):
+    if isinstance(test, tree.Ref) and value.value:
+        test = tree.Binary("!=", test, tree.Num(0, U8, test.place), U8, test.place)
+    if (
+        not isinstance(test, tree.Binary)
+        or test.op not in COMPARISONS
+        or not isinstance(test.right, tree.Num)
+    ):
         return False
     left = test.left
-    while isinstance(left, Cast) and isinstance(left.type, IntType):
+    while isinstance(left, tree.Cast) and isinstance(left.type, IntType):
         if not left.type.low <= value.value <= left.type.high:
             return False
         left = left.operand
-    if not isinstance(left, Ref) or (left.symbol, left.offset, left.index) != (
+    if not isinstance(left, tree.Ref) or (left.symbol, left.offset, left.index) != (
         target.symbol,
         target.offset,
         None,
@@ -299,14 +290,14 @@ def _holds_at_first(loop: Loop, before: Stmt) -> bool:
 
 
 _STATEMENTS: dict[type, Callable[[FunctionGenerator, Any], None]] = {
-    BlockStatement: _stmt_block,
-    ExprStmt: _stmt_expr_stmt,
-    If: _stmt_if,
-    Loop: _stmt_loop,
-    Switch: _stmt_switch,
-    CaseLabel: _stmt_case_label,
-    Jump: _stmt_jump,
-    LabelStmt: _stmt_label_stmt,
-    Return: _stmt_return,
-    Asm: _stmt_asm,
+    tree.BlockStatement: _stmt_block,
+    tree.ExprStmt: _stmt_expr_stmt,
+    tree.If: _stmt_if,
+    tree.Loop: _stmt_loop,
+    tree.Switch: _stmt_switch,
+    tree.CaseLabel: _stmt_case_label,
+    tree.Jump: _stmt_jump,
+    tree.LabelStmt: _stmt_label_stmt,
+    tree.Return: _stmt_return,
+    tree.Asm: _stmt_asm,
 }

@@ -12,17 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from servogen.compiler.ast.nodes import (
-    Data,
-    Expr,
-    ExprStmt,
-    FunctionDefinition,
-    Num,
-    ProgramTree,
-    Ref,
-    Switch,
-    Symbol,
-)
+from servogen.compiler.ast import nodes as tree
 from servogen.compiler.ast.types import (
     C2C_INT,
     C2C_SIGNED,
@@ -57,14 +47,14 @@ ReadFile = Callable[[str], tuple[Preprocessed, Rewritten]]
 class Dispatch:
     """The functions of higher modules that the lower modules of the analysis call."""
 
-    expressions: Mapping[type, Callable[[Analyser, Any], Expr]]
+    expressions: Mapping[type, Callable[[Analyser, Any], tree.Expr]]
     """The analysis of each kind of expression."""
     declared_type: Callable[[Analyser, Any], CType]
     """The type of a declarator or type name."""
-    builtin: Callable[[Analyser, str, Any, list[Any]], Expr | None]
+    builtin: Callable[[Analyser, str, Any, list[Any]], tree.Expr | None]
     """The meaning of a call of a built-in function; None when there is none of that name."""
     builtin_names: Callable[[Analyser], list[str]]
-    library: Callable[[Analyser, str], FunctionDefinition]
+    library: Callable[[Analyser, str], tree.FunctionDefinition]
     """A function of the library, whose file is read the first time."""
 
 
@@ -76,8 +66,8 @@ class Body:
     gotos: list[tuple[str, Any]] = field(default_factory=list)
     loops: int = 0
     breakable: int = 0
-    switches: list[tuple[Switch, IntType]] = field(default_factory=list)
-    critical: list[Symbol] = field(default_factory=list)
+    switches: list[tuple[tree.Switch, IntType]] = field(default_factory=list)
+    critical: list[tree.Symbol] = field(default_factory=list)
     """What INTCON was before each of the critical blocks that are open, the outermost first."""
 
 
@@ -110,27 +100,27 @@ class Analyser:
         """The identities of the expressions of the syntax tree that are in parentheses."""
         self.enumerated: dict[str, list[str]] = {}
         """The enumerators of the variables that are declared with an `enum`, by name."""
-        self.declared_locals: list[Symbol] = []
+        self.declared_locals: list[tree.Symbol] = []
         """The variables that the program declares in the present function."""
         self.library_files: set[str] = set()
         """The files of the library that have been read."""
-        self.library_bodies: dict[str, tuple[FunctionDefinition, Any, Scopes]] = {}
+        self.library_bodies: dict[str, tuple[tree.FunctionDefinition, Any, Scopes]] = {}
         """The bodies of its functions that nothing has called yet."""
         self.called: set[str] = set()
         """The functions that a call names."""
         self.function_numbers: dict[str, int] = {}
         """The functions whose addresses are taken, numbered from 1."""
-        self.dispatchers: list[tuple[FuncType, FunctionDefinition]] = []
-        self.bodies: list[tuple[FunctionDefinition, Any, Scopes]] = []
+        self.dispatchers: list[tuple[FuncType, tree.FunctionDefinition]] = []
+        self.bodies: list[tuple[tree.FunctionDefinition, Any, Scopes]] = []
         """The functions whose bodies remain to be analysed, with the scopes of their files."""
         self.file_scopes: list[Scopes] = []
         self.scopes = Scopes(Rewritten())
-        self.program = ProgramTree({}, [], [], {})
-        self.function: FunctionDefinition | None = None
+        self.program = tree.ProgramTree({}, [], [], {})
+        self.function: tree.FunctionDefinition | None = None
         self.body = Body()
-        self.strings: dict[tuple[int, ...], Symbol] = {}
+        self.strings: dict[tuple[int, ...], tree.Symbol] = {}
         self.types = dict(named_types())
-        self.asm_symbols: dict[str, Symbol] = {}
+        self.asm_symbols: dict[str, tree.Symbol] = {}
         self.accessing = True
         """Whether the object that an expression names is read or written; not by `&` and `sizeof`."""
         self.variables: set[Position] = set()
@@ -140,10 +130,10 @@ class Analyser:
         """The bytes of the EEPROM that declarations have taken so far."""
         self.reading_config = False
         """Inside __CONFIG(…), where the names of the masks are known."""
-        self.externals: dict[str, Symbol | FunctionDefinition] = {}
+        self.externals: dict[str, tree.Symbol | tree.FunctionDefinition] = {}
         self.types_read: dict[Any, CType] = {}
-        self.defined: set[FunctionDefinition] = set()
-        self.pending: list[ExprStmt] = []
+        self.defined: set[tree.FunctionDefinition] = set()
+        self.pending: list[tree.ExprStmt] = []
         """Initialisations of the locals being declared."""
 
     @property
@@ -170,14 +160,14 @@ class Analyser:
             return node
         return getattr(node, "place", None) or place_of(getattr(node, "coord", None))
 
-    def number(self, value: int, kind: CType, place: Location) -> Num:
-        return Num(kind.wrap(value) if isinstance(kind, IntType) else value, kind, place)
+    def number(self, value: int, kind: CType, place: Location) -> tree.Num:
+        return tree.Num(kind.wrap(value) if isinstance(kind, IntType) else value, kind, place)
 
-    def new_local(self, name: str, kind: CType, place: Location) -> Symbol:
+    def new_local(self, name: str, kind: CType, place: Location) -> tree.Symbol:
         """Return a new variable of the current function, which the program itself does not name."""
         assert self.function is not None
         number = len(self.function.locals)
-        symbol = Symbol(f"{name}{number}", kind, "local", place, function=self.function.name)
+        symbol = tree.Symbol(f"{name}{number}", kind, "local", place, function=self.function.name)
         self.function.locals.append(symbol)
         return symbol
 
@@ -193,14 +183,14 @@ class Analyser:
                 return C2C_INT if self.c2c else U16
         return S32 if value <= 0x7FFFFFFF and not unsigned else U32
 
-    def string(self, values: list[int], place: Location) -> Ref:
+    def string(self, values: list[int], place: Location) -> tree.Ref:
         """Return a string literal in flash; equal literals share one copy."""
         key = tuple(values)
         if key not in self.strings:
             kind = ArrayType(U8_CONST, len(values))
-            symbol = Symbol(f"string{len(self.strings)}", kind, "flash", place, pinned=True)
-            symbol.initial = dict[int, Data](enumerate(values))
+            symbol = tree.Symbol(f"string{len(self.strings)}", kind, "flash", place, pinned=True)
+            symbol.initial = dict[int, tree.Data](enumerate(values))
             self.strings[key] = symbol
             self.program.symbols.append(symbol)
         symbol = self.strings[key]
-        return Ref(symbol, 0, None, symbol.type, place)
+        return tree.Ref(symbol, 0, None, symbol.type, place)

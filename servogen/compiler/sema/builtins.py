@@ -15,22 +15,9 @@ from typing import Any
 from pycparser import c_ast
 
 import servogen.compiler.sema.formats as formats
+from servogen.compiler.ast import nodes as tree
 from servogen.compiler.ast.constant_folding import interval
 from servogen.compiler.ast.float_values import decode
-from servogen.compiler.ast.nodes import (
-    Assign,
-    Binary,
-    Builtin,
-    Call,
-    Cast,
-    Comma,
-    Deref,
-    Expr,
-    Num,
-    Ref,
-    Unary,
-    Update,
-)
 from servogen.compiler.ast.types import BIT, S8, U8, U16, U32, VOID, FloatType, IntType
 from servogen.compiler.frontend.dialects import C2C, DIALECTS, NAMES, XC8, ChipBit
 from servogen.compiler.sema.analyser import Analyser
@@ -43,51 +30,51 @@ from servogen.pic.device import RAM_LAST, WATCHDOG_US, register_bits, registers
 from servogen.units import Clock, Cycles, counted
 
 
-def register_ref(analyser: Analyser, name: str, place: Location) -> Ref:
+def register_ref(analyser: Analyser, name: str, place: Location) -> tree.Ref:
     symbol = analyser.scopes.register(registers()[name])
-    return Ref(symbol, 0, None, U8, place)
+    return tree.Ref(symbol, 0, None, U8, place)
 
 
-def chip_bit(analyser: Analyser, name: str, place: Location) -> Ref:
+def chip_bit(analyser: Analyser, name: str, place: Location) -> tree.Ref:
     register, bit = register_bits()[name]
-    return Ref(analyser.scopes.register(register), 0, None, BIT, place, bit, 1)
+    return tree.Ref(analyser.scopes.register(register), 0, None, BIT, place, bit, 1)
 
 
-def set_bit(target: Ref | Deref, value: int) -> Expr:
-    return Assign(target, Num(value, BIT, target.place), BIT, target.place)
+def set_bit(target: tree.Ref | tree.Deref, value: int) -> tree.Expr:
+    return tree.Assign(target, tree.Num(value, BIT, target.place), BIT, target.place)
 
 
-def _bit_number(analyser: Analyser, node: Any) -> Expr:
+def _bit_number(analyser: Analyser, node: Any) -> tree.Expr:
     """Return the number of a bit, given as a constant or as the name of a bit."""
     if isinstance(node, c_ast.ID):
         symbol = analyser.scopes.find(node.name)
         if isinstance(symbol, ChipBit):
-            return Num(symbol.bit, analyser.int_type, analyser.place(node))
+            return tree.Num(symbol.bit, analyser.int_type, analyser.place(node))
     return arithmetic(analyser, expression(analyser, node))
 
 
 def bit_target(
     analyser: Analyser, variable: Any, number: Any, node: Any
-) -> Ref | Deref | tuple[Ref | Deref, Expr]:
+) -> tree.Ref | tree.Deref | tuple[tree.Ref | tree.Deref, tree.Expr]:
     """Return the bit that set_bit and similar functions refer to, or variable and number if the number is not
     constant.
     """
     base = expression(analyser, variable)
-    if not isinstance(base, (Ref, Deref)) or not isinstance(base.type, IntType):
+    if not isinstance(base, (tree.Ref, tree.Deref)) or not isinstance(base.type, IntType):
         raise analyser.fail("c-argument", "the first argument must be a variable or a register", node)
     bit = _bit_number(analyser, number)
-    if isinstance(bit, Num):
+    if isinstance(bit, tree.Num):
         target = bit_of(analyser, base, bit.value, node)
-        assert isinstance(target, (Ref, Deref))
+        assert isinstance(target, (tree.Ref, tree.Deref))
         return target
     return base, bit
 
 
-def bit_mask(base: Ref | Deref, bit: Expr, place: Location) -> Expr:
+def bit_mask(base: tree.Ref | tree.Deref, bit: tree.Expr, place: Location) -> tree.Expr:
     assert isinstance(base.type, IntType)
     work = base.type.plain()
     assert isinstance(work, IntType)
-    return Binary("<<", Num(1, work, place), bit, work, place)
+    return tree.Binary("<<", tree.Num(1, work, place), bit, work, place)
 
 
 def delay_cycles(analyser: Analyser, us: Fraction, node: Any, *, cut: bool = False) -> int:
@@ -117,12 +104,12 @@ def constant_us(analyser: Analyser, node: Any, *, fractions: bool = False) -> Fr
     if exact is not None:
         return exact
     expr = rvalue(analyser, expression(analyser, node))
-    if isinstance(expr, Num) and isinstance(expr.type, FloatType):
+    if isinstance(expr, tree.Num) and isinstance(expr.type, FloatType):
         value = decode(expr.value, expr.type) if fractions else None
         if value is None:
             raise analyser.fail("c-argument", "the time must be a whole number", node)
         return value
-    return Fraction(expr.value) if isinstance(expr, Num) else None
+    return Fraction(expr.value) if isinstance(expr, tree.Num) else None
 
 
 def _fraction(analyser: Analyser, node: Any) -> Fraction | None:
@@ -170,7 +157,7 @@ UNITS_US = {"delay_us": 1, "delay_10us": 10, "delay_100us": 100, "delay_ms": 100
 XC8_UNITS_US = {"__delay_us": 1, "__delay_ms": 1000, "__delaywdt_us": 1, "__delaywdt_ms": 1000}
 
 
-def bit_function(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+def bit_function(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> tree.Expr:
     """Return the meaning of set_bit, clear_bit, toggle_bit or test_bit."""
     place = analyser.place(node)
     target = bit_target(analyser, arguments[0], arguments[1], node)
@@ -181,22 +168,26 @@ def bit_function(analyser: Analyser, name: str, node: Any, arguments: list[Any])
         work = base.type.plain()
         assert isinstance(work, IntType)
         if name == "test_bit":
-            return Binary(
-                "!=", Binary("&", base, mask, work, place), Num(0, work, place), analyser.int_type, place
+            return tree.Binary(
+                "!=",
+                tree.Binary("&", base, mask, work, place),
+                tree.Num(0, work, place),
+                analyser.int_type,
+                place,
             )
         assignable(analyser, base, node)
         op = {"set_bit": "|", "clear_bit": "&", "toggle_bit": "^"}[name]
-        value = Unary("~", mask, work, place) if name == "clear_bit" else mask
-        return Cast(Update(op, base, value, work, False, work, place), VOID, place)
+        value = tree.Unary("~", mask, work, place) if name == "clear_bit" else mask
+        return tree.Cast(tree.Update(op, base, value, work, False, work, place), VOID, place)
     if name == "test_bit":
         return target
     assignable(analyser, target, node)
     if name == "toggle_bit":
-        return Cast(Update("^", target, Num(1, U8, place), U8, False, BIT, place), VOID, place)
-    return Cast(set_bit(target, int(name == "set_bit")), VOID, place)
+        return tree.Cast(tree.Update("^", target, tree.Num(1, U8, place), U8, False, BIT, place), VOID, place)
+    return tree.Cast(set_bit(target, int(name == "set_bit")), VOID, place)
 
 
-def port_write(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+def port_write(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> tree.Expr:
     """Return the assignment to a port, TRIS or OPTION register."""
     register = {
         "set_tris_a": "TRISA",
@@ -206,52 +197,52 @@ def port_write(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -
         "set_option": "OPTION_REG",
     }[name]
     value = convert(analyser, expression(analyser, arguments[0]), U8, f"the argument of '{name}'")
-    return Cast(
-        Assign(register_ref(analyser, register, analyser.place(node)), value, U8, analyser.place(node)),
+    return tree.Cast(
+        tree.Assign(register_ref(analyser, register, analyser.place(node)), value, U8, analyser.place(node)),
         VOID,
         analyser.place(node),
     )
 
 
-def port_read(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+def port_read(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> tree.Expr:
     return register_ref(analyser, "PORTA" if name.endswith("a") else "PORTB", analyser.place(node))
 
 
-def port_bit(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+def port_bit(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> tree.Expr:
     register = c_ast.ID("PORTA" if name.endswith("a") else "PORTB", node.coord)
     function = "set_bit" if "_high_" in name else "clear_bit"
     return bit_function(analyser, function, node, [register, arguments[0]])
 
 
-def port_input(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+def port_input(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> tree.Expr:
     register = c_ast.ID("PORTA" if name.endswith("a") else "PORTB", node.coord)
     return bit_function(analyser, "test_bit", node, [register, arguments[0]])
 
 
-def interrupt_bit(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+def interrupt_bit(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> tree.Expr:
     register = c_ast.ID("INTCON", node.coord)
     return bit_function(
         analyser, "set_bit" if name.startswith("enable") else "clear_bit", node, [register, arguments[0]]
     )
 
 
-def global_interrupts(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+def global_interrupts(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> tree.Expr:
     """Return `ei()` or `di()`: GIE set or cleared (DS35007 section 6.8)."""
-    return Cast(
+    return tree.Cast(
         set_bit(chip_bit(analyser, "GIE", analyser.place(node)), int(name == "ei")),
         VOID,
         analyser.place(node),
     )
 
 
-def instruction(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+def instruction(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> tree.Expr:
     mnemonic = {"nop": "NOP", "clear_wdt": "CLRWDT", "clrwdt": "CLRWDT", "sleep": "SLEEP"}.get(
         name.lower().strip("_"), ""
     )
-    return Builtin("instruction", [], VOID, analyser.place(node), mnemonic)
+    return tree.Builtin("instruction", [], VOID, analyser.place(node), mnemonic)
 
 
-def delay(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+def delay(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> tree.Expr:
     """Return a delay of BoostC: constant, or a routine's with a variable argument of 8 bits."""
     place = analyser.place(node)
     unit = UNITS_US[name]
@@ -259,7 +250,7 @@ def delay(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Exp
     if value is not None:
         if not 0 <= value <= 255:
             raise analyser.fail("c-argument", f"'{name}' takes 0 to 255, not {value}", arguments[0])
-        return Builtin("delay", [], VOID, place, delay_cycles(analyser, value * unit, node))
+        return tree.Builtin("delay", [], VOID, place, delay_cycles(analyser, value * unit, node))
     given = rvalue(analyser, expression(analyser, arguments[0]))
     if interval(given)[1] > U8.high:
         analyser.reporter.warn(
@@ -276,26 +267,26 @@ def delay(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Exp
             f"'{name}' with a variable argument needs a clock whose cycle is at most {unit} µs",
             node,
         )
-    return Builtin("delay_variable", [argument], VOID, place, cycles)
+    return tree.Builtin("delay_variable", [argument], VOID, place, cycles)
 
 
-def xc8_delay(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
-    return Builtin("delay", [], VOID, analyser.place(node), _xc8_cycles(analyser, name, node, arguments))
+def xc8_delay(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> tree.Expr:
+    return tree.Builtin("delay", [], VOID, analyser.place(node), _xc8_cycles(analyser, name, node, arguments))
 
 
-def watched_delay(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+def watched_delay(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> tree.Expr:
     """Return a delay that clears the watchdog when it begins, and again before the shortest time after which
     a watchdog without prescaler resets the chip.
     """
     cycles = _xc8_cycles(analyser, name, node, arguments)
     clock = analyser.clock or Clock(UNKNOWN_CLOCK_HZ)
     unwatched = int(WATCHDOG_US[0] // clock.cycle_us)
-    return Builtin("delay_watched", [], VOID, analyser.place(node), (cycles, unwatched))
+    return tree.Builtin("delay_watched", [], VOID, analyser.place(node), (cycles, unwatched))
 
 
-def reset(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+def reset(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> tree.Expr:
     """Return a jump to address 0; the chip has no instruction that resets it."""
-    return Builtin("restart", [], VOID, analyser.place(node))
+    return tree.Builtin("restart", [], VOID, analyser.place(node))
 
 
 def _xc8_cycles(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> int:
@@ -329,18 +320,18 @@ def _xc8_cycles(analyser: Analyser, name: str, node: Any, arguments: list[Any]) 
     return cycles
 
 
-def eeprom_read(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+def eeprom_read(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> tree.Expr:
     address = convert(analyser, expression(analyser, arguments[0]), U8, "the address")
-    return Builtin("eeprom_read", [address], U8, analyser.place(node), pure=True)
+    return tree.Builtin("eeprom_read", [address], U8, analyser.place(node), pure=True)
 
 
-def eeprom_write(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+def eeprom_write(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> tree.Expr:
     address = convert(analyser, expression(analyser, arguments[0]), U8, "the address")
     value = convert(analyser, expression(analyser, arguments[1]), U8, "the value")
-    return Builtin("eeprom_write", [address, value], VOID, analyser.place(node))
+    return tree.Builtin("eeprom_write", [address, value], VOID, analyser.place(node))
 
 
-def formatted(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+def formatted(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> tree.Expr:
     """Return the calls that write the parts of a constant format string, one for each conversion and for the
     text between two.
     """
@@ -357,14 +348,14 @@ def formatted(analyser: Analyser, name: str, node: Any, arguments: list[Any]) ->
     for part in formats.parts(bytes(characters(analyser, text.value, place))):
         if part.problem:
             raise analyser.fail("c-unsupported", f"the format of '{name}': {part.problem}", text)
-        values: list[Expr] = []
+        values: list[tree.Expr] = []
         if part.takes_value:
             if not rest:
                 raise analyser.fail("c-argument", f"'{name}': there is no argument for {part.spelling}", node)
             values = [_value_to_format(analyser, name, part, rest.pop(0))]
         elif part.function == "text":
             values = [analyser.string([*part.text, 0], place)]
-        numbers: list[Expr] = [Num(byte, U8, place) for byte in part.numbers]
+        numbers: list[tree.Expr] = [tree.Num(byte, U8, place) for byte in part.numbers]
         steps.append(_library_call(analyser, f"__{name}_{part.function}", values + numbers, node))
     if rest:
         raise analyser.fail(
@@ -372,11 +363,11 @@ def formatted(analyser: Analyser, name: str, node: Any, arguments: list[Any]) ->
         )
     printing = _library_call(analyser, f"__{name}_end", [], node)
     for step in reversed(steps):
-        printing = Comma(step, printing, printing.type, place)
+        printing = tree.Comma(step, printing, printing.type, place)
     return printing
 
 
-def _value_to_format(analyser: Analyser, name: str, part: formats.FormatPart, argument: Any) -> Expr:
+def _value_to_format(analyser: Analyser, name: str, part: formats.FormatPart, argument: Any) -> tree.Expr:
     """Return the argument of a conversion as the library function of its kind takes it."""
     value = rvalue(analyser, expression(analyser, argument))
     wanted = 4 if part.function == "long" else 2
@@ -406,7 +397,7 @@ def _value_to_format(analyser: Analyser, name: str, part: formats.FormatPart, ar
     return value
 
 
-def _library_call(analyser: Analyser, name: str, arguments: list[Expr], node: Any) -> Expr:
+def _library_call(analyser: Analyser, name: str, arguments: list[tree.Expr], node: Any) -> tree.Expr:
     """Return the call of a library function on converted arguments."""
     function = analyser.dispatch.library(analyser, name)
     analyser.called.add(function.name)
@@ -414,10 +405,10 @@ def _library_call(analyser: Analyser, name: str, arguments: list[Expr], node: An
         convert(analyser, given, parameter.type, f"the argument of '{name.split('_')[2]}'")
         for given, parameter in zip(arguments, function.parameters, strict=True)
     ]
-    return Call(function.name, converted, function.result.plain(), analyser.place(node))
+    return tree.Call(function.name, converted, function.result.plain(), analyser.place(node))
 
 
-def of_float(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+def of_float(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> tree.Expr:
     """Return the expression for a function of <math.h> that needs no routine."""
     role = f"the argument of '{name.strip('_')}'"
     value = convert(analyser, expression(analyser, arguments[0]), analyser.float_type, role)
@@ -425,7 +416,7 @@ def of_float(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> 
     return function(value, analyser.place(node))
 
 
-def serial(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr:
+def serial(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> tree.Expr:
     """Return the meaning of putchar or getchar, on the pin and at the rate that `#pragma RS232_…` gives."""
     wanted = ("TXPORT", "TXPIN", "BAUD") if name == "putchar" else ("RXPORT", "RXPIN", "BAUD")
     for function in wanted:
@@ -444,8 +435,8 @@ def serial(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Ex
     data = (port, pin, cycles, inverted)
     if name == "putchar":
         value = convert(analyser, expression(analyser, arguments[0]), U8, "the argument of 'putchar'")
-        return Builtin("putchar", [value], VOID, analyser.place(node), data)
-    return Builtin("getchar", [], U8, analyser.place(node), data)
+        return tree.Builtin("putchar", [value], VOID, analyser.place(node), data)
+    return tree.Builtin("getchar", [], U8, analyser.place(node), data)
 
 
 def serial_number(analyser: Analyser, name: str, node: Any) -> int:
@@ -475,7 +466,7 @@ def builtin_names(analyser: Analyser) -> list[str]:
     return [name for name, (dialects, _, _) in _TABLE.items() if analyser.dialect in dialects]
 
 
-def builtin(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> Expr | None:
+def builtin(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> tree.Expr | None:
     """Return the meaning of a call of a built-in function; None if the name is not one."""
     row = _TABLE.get(name)
     if row is None or analyser.dialect not in row[0]:
@@ -498,7 +489,7 @@ def builtin(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> E
     return handler(analyser, name, node, arguments)
 
 
-_Handler = Callable[[Analyser, str, Any, list[Any]], Expr]
+_Handler = Callable[[Analyser, str, Any, list[Any]], tree.Expr]
 _BOTH, _C, _X = (C2C, XC8), (C2C,), (XC8,)
 _TABLE: dict[str, tuple[tuple[str, ...], int | None, _Handler]] = {
     # name: dialects, number of arguments (None: any), meaning

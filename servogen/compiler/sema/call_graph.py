@@ -8,20 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from servogen.compiler.ast.nodes import (
-    AddressOf,
-    Asm,
-    BlockStatement,
-    Call,
-    FunctionDefinition,
-    If,
-    Loop,
-    ProgramTree,
-    Ref,
-    Stmt,
-    Switch,
-    Symbol,
-)
+from servogen.compiler.ast import nodes as tree
 from servogen.compiler.ast.types import VoidType
 from servogen.compiler.ast.walk import expressions
 from servogen.compiler.diagnostics import Reporter
@@ -29,37 +16,37 @@ from servogen.errors import Location
 from servogen.pic.device import INTERRUPT_VECTOR
 
 
-def _called(function: FunctionDefinition) -> dict[str, Call]:
+def _called(function: tree.FunctionDefinition) -> dict[str, tree.Call]:
     """Return the functions that a function calls, with the location of the call."""
-    calls: dict[str, Call] = {}
+    calls: dict[str, tree.Call] = {}
     if function.body is not None:
         for expr in expressions(function.body):
-            if isinstance(expr, Call):
+            if isinstance(expr, tree.Call):
                 calls.setdefault(expr.function, expr)
     return calls
 
 
-def statements(node: Stmt) -> Iterator[Stmt]:
+def statements(node: tree.Stmt) -> Iterator[tree.Stmt]:
     """Yield a statement and every statement inside it."""
     yield node
     match node:
-        case BlockStatement(body):
+        case tree.BlockStatement(body):
             for inner in body:
                 yield from statements(inner)
-        case If(_, yes, no):
+        case tree.If(_, yes, no):
             yield from statements(yes)
             if no is not None:
                 yield from statements(no)
-        case Loop(_, body) | Switch(_, _, _, body):
+        case tree.Loop(_, body) | tree.Switch(_, _, _, body):
             yield from statements(body)
 
 
-def has_assembly(node: Stmt) -> bool:
+def has_assembly(node: tree.Stmt) -> bool:
     """Return whether a statement is assembly or contains some."""
-    return any(isinstance(statement, Asm) for statement in statements(node))
+    return any(isinstance(statement, tree.Asm) for statement in statements(node))
 
 
-def _reachable(calls: Mapping[str, Mapping[str, Call]], start: str) -> list[str]:
+def _reachable(calls: Mapping[str, Mapping[str, tree.Call]], start: str) -> list[str]:
     """Return the functions that `start` reaches, itself first."""
     reached: dict[str, None] = {}
     waiting = [start]
@@ -75,8 +62,8 @@ def _reachable(calls: Mapping[str, Mapping[str, Call]], start: str) -> list[str]
 class CallGraph:
     """The functions that main and the interrupt reach, each list beginning with its root."""
 
-    program: ProgramTree
-    calls: Mapping[str, Mapping[str, Call]]
+    program: tree.ProgramTree
+    calls: Mapping[str, Mapping[str, tree.Call]]
     """The calls in each function, by the function that they call."""
     main: list[str]
     handler: str | None
@@ -91,7 +78,7 @@ class CallGraph:
         return set(self.main) & set(self.isr)
 
 
-def call_graph(program: ProgramTree) -> CallGraph:
+def call_graph(program: tree.ProgramTree) -> CallGraph:
     """Return the call graph of a program from main and from its interrupt function."""
     handler = next((name for name, function in program.functions.items() if function.interrupt), None)
     calls = {name: _called(function) for name, function in program.functions.items()}
@@ -171,14 +158,14 @@ def _check_recursion(graph: CallGraph, reporter: Reporter) -> None:
             return
 
 
-def globals_of(program: ProgramTree, names: list[str]) -> set[Symbol]:
+def globals_of(program: tree.ProgramTree, names: list[str]) -> set[tree.Symbol]:
     """Return the variables that functions refer to."""
-    variables: set[Symbol] = set()
+    variables: set[tree.Symbol] = set()
     for name in names:
         body = program.functions[name].body
         for expr in expressions(body) if body is not None else ():
-            if isinstance(expr, Ref):
+            if isinstance(expr, tree.Ref):
                 variables.add(expr.symbol)
-            elif isinstance(expr, AddressOf):
+            elif isinstance(expr, tree.AddressOf):
                 variables.add(expr.target.symbol)
     return variables

@@ -10,27 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from servogen.compiler.ast.nodes import (
-    AddressOf,
-    Assign,
-    BlockStatement,
-    Builtin,
-    Call,
-    Cast,
-    Deref,
-    Expr,
-    ExprStmt,
-    FunctionDefinition,
-    If,
-    Loop,
-    Num,
-    ProgramTree,
-    Ref,
-    Stmt,
-    Switch,
-    Symbol,
-    Update,
-)
+from servogen.compiler.ast import nodes as tree
 from servogen.compiler.ast.types import VoidType
 from servogen.compiler.ast.walk import expressions
 from servogen.compiler.diagnostics import Reporter
@@ -57,7 +37,7 @@ def check_program(graph: CallGraph, reporter: Reporter, *, watchdog: bool) -> No
 # pins that stay inputs
 
 
-def _inputs(program: ProgramTree, reporter: Reporter) -> None:
+def _inputs(program: tree.ProgramTree, reporter: Reporter) -> None:
     """Warn about read-modify-writes of inputs: a write to a port reads the pins, and the level of an input
     gets into its latch (DS35007 section 4).
     """
@@ -67,7 +47,7 @@ def _inputs(program: ProgramTree, reporter: Reporter) -> None:
         if function.body is not None
         for expr in expressions(function.body)
     ]
-    writes = [expr for expr in every if isinstance(expr, (Assign, Update))]
+    writes = [expr for expr in every if isinstance(expr, (tree.Assign, tree.Update))]
     for port, tris in _PORTS.items():
         outputs = _possible_outputs(writes, every, tris)
         for expr in writes:
@@ -81,34 +61,34 @@ def _inputs(program: ProgramTree, reporter: Reporter) -> None:
                     )
 
 
-def _possible_outputs(writes: list[Assign | Update], every: list[Expr], tris: str) -> int:
+def _possible_outputs(writes: list[tree.Assign | tree.Update], every: list[tree.Expr], tris: str) -> int:
     """Return the pins that some write to TRIS may make outputs, as a mask."""
     mask = 0
     for expr in every:
-        if isinstance(expr, (AddressOf, Deref)):
+        if isinstance(expr, (tree.AddressOf, tree.Deref)):
             return 0xFF
     for expr in writes:
         target = expr.target
-        if not isinstance(target, Ref) or target.symbol.name != tris:
+        if not isinstance(target, tree.Ref) or target.symbol.name != tris:
             continue
         if target.width:
-            constant = isinstance(expr, Assign) and isinstance(expr.value, Num) and expr.value.value
+            constant = isinstance(expr, tree.Assign) and isinstance(expr.value, tree.Num) and expr.value.value
             mask |= 0 if constant else 1 << (target.bit or 0)
-        elif isinstance(expr, Assign) and isinstance(expr.value, Num):
+        elif isinstance(expr, tree.Assign) and isinstance(expr.value, tree.Num):
             mask |= ~expr.value.value & 0xFF
         else:
             return 0xFF
     return mask
 
 
-def _changed_bits(expr: Assign | Update, port: str) -> list[int]:
+def _changed_bits(expr: tree.Assign | tree.Update, port: str) -> list[int]:
     """Return the pins that a read-modify-write of a port is intended to change."""
     target = expr.target
-    if not isinstance(target, Ref) or target.symbol.name != port:
+    if not isinstance(target, tree.Ref) or target.symbol.name != port:
         return []
     if target.width:
         return [target.bit or 0]
-    if isinstance(expr, Update) and expr.op in "|^" and isinstance(expr.value, Num):
+    if isinstance(expr, tree.Update) and expr.op in "|^" and isinstance(expr.value, tree.Num):
         return [bit for bit in range(8) if expr.value.value >> bit & 1]
     return []
 
@@ -116,7 +96,7 @@ def _changed_bits(expr: Assign | Update, port: str) -> list[int]:
 # calls whose only effect is their result
 
 
-def _unused_results(program: ProgramTree, reporter: Reporter) -> None:
+def _unused_results(program: tree.ProgramTree, reporter: Reporter) -> None:
     """Warn about a statement that calls a function without effects and discards its result."""
     acting: set[str] = set()
     grown = True
@@ -140,29 +120,29 @@ def _unused_results(program: ProgramTree, reporter: Reporter) -> None:
                 )
 
 
-def _acts(function: FunctionDefinition, acting: set[str]) -> bool:
+def _acts(function: tree.FunctionDefinition, acting: set[str]) -> bool:
     """Return whether a function changes anything but its own variables, or takes time on purpose."""
     if function.body is None or has_assembly(function.body):
         return True
     for expr in expressions(function.body):
         match expr:
-            case Assign(target) | Update(_, target):
-                if not isinstance(target, Ref) or target.symbol.kind not in ("local", "param"):
+            case tree.Assign(target) | tree.Update(_, target):
+                if not isinstance(target, tree.Ref) or target.symbol.kind not in ("local", "param"):
                     return True
-            case Call(name):
+            case tree.Call(name):
                 if name in acting:
                     return True
-            case Builtin():
+            case tree.Builtin():
                 return True
-            case Ref(symbol) if symbol.volatile:
+            case tree.Ref(symbol) if symbol.volatile:
                 return True
     return False
 
 
-def _statements_that_call(node: Stmt | None) -> Iterator[Call]:
+def _statements_that_call(node: tree.Stmt | None) -> Iterator[tree.Call]:
     """Yield the calls that are statements by themselves."""
     for statement in statements(node) if node is not None else ():
-        if isinstance(statement, ExprStmt) and isinstance(statement.expr, Call):
+        if isinstance(statement, tree.ExprStmt) and isinstance(statement.expr, tree.Call):
             yield statement.expr
 
 
@@ -191,12 +171,14 @@ def _shared(graph: CallGraph, reporter: Reporter) -> None:
             )
 
 
-def _uses(program: ProgramTree, names: list[str], *, masked: bool) -> tuple[set[Symbol], set[Symbol]]:
+def _uses(
+    program: tree.ProgramTree, names: list[str], *, masked: bool
+) -> tuple[set[tree.Symbol], set[tree.Symbol]]:
     """Return (variables read, variables written) of several bytes; with `masked`, only where interrupts may
     be enabled.
     """
-    reads: set[Symbol] = set()
-    writes: set[Symbol] = set()
+    reads: set[tree.Symbol] = set()
+    writes: set[tree.Symbol] = set()
     for name in names:
         body = program.functions[name].body
         if body is None:
@@ -205,14 +187,14 @@ def _uses(program: ProgramTree, names: list[str], *, masked: bool) -> tuple[set[
             for expr in expressions(statement):
                 if expr.type.size < 2:
                     continue
-                if isinstance(expr, (Assign, Update)) and isinstance(expr.target, Ref):
+                if isinstance(expr, (tree.Assign, tree.Update)) and isinstance(expr.target, tree.Ref):
                     writes.add(expr.target.symbol)
-                if isinstance(expr, Ref):
+                if isinstance(expr, tree.Ref):
                     reads.add(expr.symbol)
     return reads, writes
 
 
-def _unmasked(block: BlockStatement) -> list[object]:
+def _unmasked(block: tree.BlockStatement) -> list[object]:
     """Return the statements and conditions that are not between GIE = 0 and GIE = 1 of one block."""
     unmasked: list[object] = []
     off = False
@@ -225,28 +207,32 @@ def _unmasked(block: BlockStatement) -> list[object]:
     return unmasked
 
 
-def _parts(node: Stmt) -> list[object]:
+def _parts(node: tree.Stmt) -> list[object]:
     """Return what a statement evaluates where interrupts may be enabled."""
     match node:
-        case BlockStatement():
+        case tree.BlockStatement():
             return _unmasked(node)
-        case If(condition, yes, no):
+        case tree.If(condition, yes, no):
             return [condition, *_parts(yes), *(_parts(no) if no is not None else [])]
-        case Loop(condition, body, step):
+        case tree.Loop(condition, body, step):
             return [condition, step, *_parts(body)]
-        case Switch(value, _, _, body):
+        case tree.Switch(value, _, _, body):
             return [value, *_parts(body)]
     return [node]
 
 
-def _switches_interrupts(node: Stmt) -> bool | None:
+def _switches_interrupts(node: tree.Stmt) -> bool | None:
     """Return whether a statement enables or disables interrupts; None if neither."""
-    if not isinstance(node, ExprStmt):
+    if not isinstance(node, tree.ExprStmt):
         return None
     expr = node.expr
-    while isinstance(expr, Cast):
+    while isinstance(expr, tree.Cast):
         expr = expr.operand
-    if not isinstance(expr, Assign) or not isinstance(expr.target, Ref) or not isinstance(expr.value, Num):
+    if (
+        not isinstance(expr, tree.Assign)
+        or not isinstance(expr.target, tree.Ref)
+        or not isinstance(expr.value, tree.Num)
+    ):
         return None
     target = expr.target
     if target.symbol.name == "INTCON" and target.width == 1 and target.bit == 7:
@@ -278,7 +264,7 @@ def _chip(graph: CallGraph, reporter: Reporter, *, watchdog: bool) -> None:
     in_main, in_isr = _expressions(graph, graph.main), _expressions(graph, graph.isr)
     every = [*in_main, *in_isr]
     main, isr = list(_writes(in_main)), list(_writes(in_isr))
-    if not any(isinstance(expr, (AddressOf, Deref)) for expr in every):
+    if not any(isinstance(expr, (tree.AddressOf, tree.Deref)) for expr in every):
         _enabled(graph, [*main, *isr], reporter)
         _flags(graph, [*main, *isr], isr, reporter)
         _directions([*main, *isr], reporter)
@@ -292,15 +278,15 @@ def _chip(graph: CallGraph, reporter: Reporter, *, watchdog: bool) -> None:
         )
 
 
-def _expressions(graph: CallGraph, names: list[str]) -> list[Expr]:
+def _expressions(graph: CallGraph, names: list[str]) -> list[tree.Expr]:
     bodies = (graph.program.functions[name].body for name in names)
     return [expr for body in bodies if body is not None for expr in expressions(body)]
 
 
-def _writes(every: list[Expr]) -> Iterator[_Write]:
+def _writes(every: list[tree.Expr]) -> Iterator[_Write]:
     """Yield the writes to registers, with the bits that they set and clear."""
     for expr in every:
-        if not isinstance(expr, (Assign, Update)) or not isinstance(expr.target, Ref):
+        if not isinstance(expr, (tree.Assign, tree.Update)) or not isinstance(expr.target, tree.Ref):
             continue
         target, value = expr.target, expr.value
         if target.symbol.kind != "fixed":
@@ -308,18 +294,18 @@ def _writes(every: list[Expr]) -> Iterator[_Write]:
         name = target.symbol.name
         if target.width:
             mask = (1 << target.width) - 1 << (target.bit or 0)
-            given = value.value << (target.bit or 0) if isinstance(value, Num) else None
+            given = value.value << (target.bit or 0) if isinstance(value, tree.Num) else None
         else:
-            mask, given = 0xFF, value.value if isinstance(value, Num) else None
-        if isinstance(expr, Update) or given is None:
+            mask, given = 0xFF, value.value if isinstance(value, tree.Num) else None
+        if isinstance(expr, tree.Update) or given is None:
             yield _updated(name, expr, mask, given)
         else:
             yield _Write(name, mask & given, mask & given, mask & ~given, not target.width, expr.place)
 
 
-def _updated(name: str, expr: Assign | Update, mask: int, given: int | None) -> _Write:
+def _updated(name: str, expr: tree.Assign | tree.Update, mask: int, given: int | None) -> _Write:
     """Return a write whose value is not constant as a whole; `|=` and `&=` of a constant say what they do."""
-    op = expr.op if isinstance(expr, Update) else ""
+    op = expr.op if isinstance(expr, tree.Update) else ""
     if given is not None and op == "|":
         return _Write(name, mask & given, mask & given, 0, False, expr.place)
     if given is not None and op == "&":
@@ -393,9 +379,9 @@ def _open_drain(writes: list[_Write], reporter: Reporter) -> None:
         )
 
 
-def _feeds(expr: Expr) -> bool:
+def _feeds(expr: tree.Expr) -> bool:
     """Return whether an expression clears the watchdog."""
     instruction = (
-        isinstance(expr, Builtin) and expr.name == "instruction" and expr.data in ("CLRWDT", "SLEEP")
+        isinstance(expr, tree.Builtin) and expr.name == "instruction" and expr.data in ("CLRWDT", "SLEEP")
     )
-    return instruction or (isinstance(expr, Builtin) and expr.name == "delay_watched")
+    return instruction or (isinstance(expr, tree.Builtin) and expr.name == "delay_watched")

@@ -6,18 +6,7 @@ of information.
 
 from __future__ import annotations
 
-from servogen.compiler.ast.nodes import (
-    AddressOf,
-    Binary,
-    Cast,
-    Comma,
-    Deref,
-    EepromObject,
-    Expr,
-    Num,
-    Ref,
-    WideField,
-)
+from servogen.compiler.ast import nodes as tree
 from servogen.compiler.ast.types import (
     C2C_INT,
     U8,
@@ -47,40 +36,40 @@ NUMBERS = (IntType, FloatType)
 # conversions
 
 
-def decay(analyser: Analyser, expr: Expr) -> Expr:
+def decay(analyser: Analyser, expr: tree.Expr) -> tree.Expr:
     """Return an array as the address of its first element, and a pointer in the EEPROM as its value; other
     expressions are unchanged.
     """
-    if isinstance(expr, EepromObject) and isinstance(expr.type, PointerType):
+    if isinstance(expr, tree.EepromObject) and isinstance(expr.type, PointerType):
         return load(analyser, expr)
     if isinstance(expr.type, ArrayType):
         kind = PointerType(expr.type.element)
-        if isinstance(expr, Ref):
+        if isinstance(expr, tree.Ref):
             return address(expr, kind)
-        if isinstance(expr, Deref):
+        if isinstance(expr, tree.Deref):
             return offset_pointer(expr.pointer, expr.offset, kind)
-        if isinstance(expr, Comma):
+        if isinstance(expr, tree.Comma):
             second = decay(analyser, expr.second)
-            return Comma(expr.first, second, second.type, expr.place)
-        if isinstance(expr, EepromObject):
+            return tree.Comma(expr.first, second, second.type, expr.place)
+        if isinstance(expr, tree.EepromObject):
             raise analyser.fail("c-unsupported", "there are no pointers into the EEPROM", expr)
     return expr
 
 
-def address(target: Ref, kind: PointerType) -> Expr:
+def address(target: tree.Ref, kind: PointerType) -> tree.Expr:
     """Return the address of an object, which from now on may be accessed through pointers."""
     target.symbol.pinned = True
-    return AddressOf(target, kind, target.place)
+    return tree.AddressOf(target, kind, target.place)
 
 
-def offset_pointer(pointer: Expr, offset: int, kind: CType) -> Expr:
+def offset_pointer(pointer: tree.Expr, offset: int, kind: CType) -> tree.Expr:
     """Return a pointer moved by a number of bytes."""
-    if isinstance(pointer, Num):
-        return Num((pointer.value + offset) & (1 << 8 * kind.size) - 1, kind, pointer.place)
-    moved = Cast(pointer, kind, pointer.place)
+    if isinstance(pointer, tree.Num):
+        return tree.Num((pointer.value + offset) & (1 << 8 * kind.size) - 1, kind, pointer.place)
+    moved = tree.Cast(pointer, kind, pointer.place)
     if offset == 0:
         return moved
-    return Binary("+", moved, Num(offset, address_int(kind), pointer.place), kind, pointer.place)
+    return tree.Binary("+", moved, tree.Num(offset, address_int(kind), pointer.place), kind, pointer.place)
 
 
 def address_int(kind: CType) -> IntType:
@@ -88,9 +77,9 @@ def address_int(kind: CType) -> IntType:
     return U8 if kind.size == 1 else U16
 
 
-def rvalue(analyser: Analyser, expr: Expr) -> Expr:
+def rvalue(analyser: Analyser, expr: tree.Expr) -> tree.Expr:
     """Return the value of an expression: arrays decay; void has no value."""
-    if isinstance(expr, (WideField, EepromObject)):
+    if isinstance(expr, (tree.WideField, tree.EepromObject)):
         return load(analyser, expr)
     expr = decay(analyser, expr)
     if isinstance(expr.type, VoidType):
@@ -98,7 +87,7 @@ def rvalue(analyser: Analyser, expr: Expr) -> Expr:
     return expr
 
 
-def arithmetic(analyser: Analyser, expr: Expr) -> Expr:
+def arithmetic(analyser: Analyser, expr: tree.Expr) -> tree.Expr:
     """Return the value of an expression that must be an integer."""
     expr = rvalue(analyser, expr)
     if not isinstance(expr.type, IntType):
@@ -106,14 +95,14 @@ def arithmetic(analyser: Analyser, expr: Expr) -> Expr:
     return expr
 
 
-def promoted(analyser: Analyser, expr: Expr) -> Expr:
+def promoted(analyser: Analyser, expr: tree.Expr) -> tree.Expr:
     """Return the value of an integer after the integer promotions (ISO C 6.3.1.1)."""
     expr = arithmetic(analyser, expr)
     assert isinstance(expr.type, IntType)
     return cast(analyser, expr, promote(expr.type, c2c=analyser.c2c))
 
 
-def balance(analyser: Analyser, left: Expr, right: Expr) -> tuple[Expr, Expr, IntType]:
+def balance(analyser: Analyser, left: tree.Expr, right: tree.Expr) -> tuple[tree.Expr, tree.Expr, IntType]:
     """Return two operands after the usual arithmetic conversions, and their common type (ISO C 6.3.1.8)."""
     left, right = arithmetic(analyser, left), arithmetic(analyser, right)
     assert isinstance(left.type, IntType) and isinstance(right.type, IntType)
@@ -121,16 +110,16 @@ def balance(analyser: Analyser, left: Expr, right: Expr) -> tuple[Expr, Expr, In
     return cast(analyser, left, kind), cast(analyser, right, kind), kind
 
 
-def cast(analyser: Analyser, expr: Expr, kind: CType) -> Expr:
+def cast(analyser: Analyser, expr: tree.Expr, kind: CType) -> tree.Expr:
     """Return an explicit conversion; constants are folded and conversions without effect dropped."""
     kind = kind.plain()
     if expr.type.plain() == kind:
         return expr
     if isinstance(kind, FloatType) or isinstance(expr.type, FloatType):
         return converted(analyser, expr, kind)
-    if isinstance(expr, Num):
+    if isinstance(expr, tree.Num):
         if isinstance(kind, IntType):
-            return Num(kind.wrap(expr.value), kind, expr.place)
+            return tree.Num(kind.wrap(expr.value), kind, expr.place)
         if isinstance(kind, PointerType):
             # a negative number, as in (char *) -1, stands for its bytes
             bits = 8 * kind.size
@@ -141,11 +130,11 @@ def cast(analyser: Analyser, expr: Expr, kind: CType) -> Expr:
                     expr,
                     hint=f"it has {kind.size} byte{'s' * (kind.size > 1)}",
                 )
-            return Num(expr.value & (1 << bits) - 1, kind, expr.place)
-    return Cast(expr, kind, expr.place)
+            return tree.Num(expr.value & (1 << bits) - 1, kind, expr.place)
+    return tree.Cast(expr, kind, expr.place)
 
 
-def convert(analyser: Analyser, expr: Expr, kind: CType, role: str) -> Expr:
+def convert(analyser: Analyser, expr: tree.Expr, kind: CType, role: str) -> tree.Expr:
     """Return the implicit conversion of an assignment, argument, initialiser or result."""
     expr = rvalue(analyser, expr)
     kind = kind.plain()
@@ -174,9 +163,9 @@ def convert(analyser: Analyser, expr: Expr, kind: CType, role: str) -> Expr:
     raise analyser.fail("c-type", f"{role} needs '{kind}', not '{expr.type}'", expr)
 
 
-def _warn_range(analyser: Analyser, expr: Expr, kind: IntType) -> None:
+def _warn_range(analyser: Analyser, expr: tree.Expr, kind: IntType) -> None:
     """Warn about a constant that an implicit conversion changes."""
-    if not isinstance(expr, Num) or kind.is_bool:
+    if not isinstance(expr, tree.Num) or kind.is_bool:
         return
     becomes = kind.wrap(expr.value)
     if expr.exact is not None:
@@ -193,9 +182,9 @@ def _warn_range(analyser: Analyser, expr: Expr, kind: IntType) -> None:
         )
 
 
-def _to_pointer(analyser: Analyser, expr: Expr, kind: PointerType, role: str) -> Expr:
+def _to_pointer(analyser: Analyser, expr: tree.Expr, kind: PointerType, role: str) -> tree.Expr:
     """Return the implicit conversion to a pointer (ISO C 6.5.16.1)."""
-    if isinstance(expr, Num) and isinstance(expr.type, IntType):
+    if isinstance(expr, tree.Num) and isinstance(expr.type, IntType):
         if expr.value != 0:
             analyser.reporter.warn(
                 "c-conversion",
@@ -219,7 +208,7 @@ def _to_pointer(analyser: Analyser, expr: Expr, kind: PointerType, role: str) ->
     return cast(analyser, expr, kind)
 
 
-def keep_const(analyser: Analyser, expr: Expr, kind: CType, role: str) -> None:
+def keep_const(analyser: Analyser, expr: tree.Expr, kind: CType, role: str) -> None:
     """Reject the conversion of a pointer that may lead to flash to one that reaches only RAM, also where such
     pointers, or functions that take or return them, are what is pointed to: their sizes differ.
     """
@@ -241,10 +230,12 @@ def keep_const(analyser: Analyser, expr: Expr, kind: CType, role: str) -> None:
         )
 
 
-def truth(analyser: Analyser, expr: Expr) -> Expr:
+def truth(analyser: Analyser, expr: tree.Expr) -> tree.Expr:
     """Return the operand of a condition."""
     function = isinstance(expr.type, PointerType) and isinstance(expr.type.target, FuncType)
-    if (isinstance(expr.type, ArrayType) and isinstance(expr, Ref)) or (function and isinstance(expr, Num)):
+    if (isinstance(expr.type, ArrayType) and isinstance(expr, tree.Ref)) or (
+        function and isinstance(expr, tree.Num)
+    ):
         analyser.reporter.warn(
             "c-comparison",
             "this address is always true",

@@ -10,16 +10,7 @@ from typing import Any
 
 from pycparser import c_ast
 
-from servogen.compiler.ast.nodes import (
-    Assign,
-    Comma,
-    Expr,
-    ExprStmt,
-    FunctionDefinition,
-    Num,
-    Ref,
-    Symbol,
-)
+from servogen.compiler.ast import nodes as tree
 from servogen.compiler.ast.types import (
     U8,
     ArrayType,
@@ -92,7 +83,7 @@ def declare(analyser: Analyser, node: Any) -> None:
         _global(analyser, node, kind, static, "extern" in storage, address)
     elif "extern" in storage:
         known = analyser.externals.get(node.name)
-        if isinstance(known, Symbol) and same(known.type, kind):
+        if isinstance(known, tree.Symbol) and same(known.type, kind):
             _redeclare(analyser, known, kind, node, address)
         elif known is None:
             known = _new_global(analyser, node, kind, address)
@@ -118,14 +109,14 @@ def _bit_alias(analyser: Analyser, node: Any, address: FixedAddress) -> None:
     place = analyser.place(node)
     if isinstance(byte, str):
         byte_symbol = analyser.scopes.find(byte)
-        if not isinstance(byte_symbol, Symbol):
+        if not isinstance(byte_symbol, tree.Symbol):
             raise analyser.fail("c-undeclared", f"'{byte}' is not declared", node)
     else:
         register = register_at(byte)
         if register is not None:
             byte_symbol = analyser.scopes.register(register)
         else:
-            byte_symbol = Symbol(f"0x{byte:02X}", U8, "fixed", place)
+            byte_symbol = tree.Symbol(f"0x{byte:02X}", U8, "fixed", place)
             _fix(analyser, byte_symbol, byte, place)
             analyser.program.symbols.append(byte_symbol)
     if not 0 <= bit < 8 * byte_symbol.type.size:
@@ -134,7 +125,7 @@ def _bit_alias(analyser: Analyser, node: Any, address: FixedAddress) -> None:
     enter_name(analyser, node.name, BitAlias(byte_symbol, bit, place), node)
 
 
-def _new_global(analyser: Analyser, node: Any, kind: CType, address: int | None) -> Symbol:
+def _new_global(analyser: Analyser, node: Any, kind: CType, address: int | None) -> tree.Symbol:
     """Return the symbol of a variable with static storage: in RAM, flash, EEPROM or at a fixed address."""
     name, place = node.name, analyser.place(node)
     if in_eeprom(node.type):
@@ -146,7 +137,7 @@ def _new_global(analyser: Analyser, node: Any, kind: CType, address: int | None)
     if address is not None and is_const_object(kind) and address in EEPROM_IN_HEX:
         return _at_eeprom(analyser, name, kind, place, address - EEPROM_ADDRESS)
     where = "flash" if is_const_object(kind) else "global"
-    symbol = Symbol(name, kind, where, place, asm_name=f"_{name}")
+    symbol = tree.Symbol(name, kind, where, place, asm_name=f"_{name}")
     symbol.volatile = holds_volatile(kind)
     symbol.persistent = position(place, name) in analyser.scopes.source.persistent
     if symbol.persistent and (where == "flash" or node.init is not None):
@@ -167,17 +158,17 @@ EEPROM_IN_HEX = range(EEPROM_ADDRESS, EEPROM_ADDRESS + EEPROM_BYTES)
 """The addresses at which a HEX file, and a constant in SDCC's C, holds the EEPROM."""
 
 
-def _at_eeprom(analyser: Analyser, name: str, kind: CType, place: Location, first: int) -> Symbol:
+def _at_eeprom(analyser: Analyser, name: str, kind: CType, place: Location, first: int) -> tree.Symbol:
     """Return the symbol of a constant that lies in the EEPROM from byte `first` on."""
-    symbol = Symbol(name, kind, "eeprom", place, address=first)
+    symbol = tree.Symbol(name, kind, "eeprom", place, address=first)
     symbol.initial = {}
     analyser.program.symbols.append(symbol)
     return symbol
 
 
-def _in_eeprom(analyser: Analyser, name: str, kind: CType, place: Location) -> Symbol:
+def _in_eeprom(analyser: Analyser, name: str, kind: CType, place: Location) -> tree.Symbol:
     """Return the symbol of a variable in the EEPROM, behind those declared before it."""
-    symbol = Symbol(name, kind, "eeprom", place, address=analyser.eeprom_used)
+    symbol = tree.Symbol(name, kind, "eeprom", place, address=analyser.eeprom_used)
     symbol.initial = {}
     analyser.eeprom_used += kind.size
     if analyser.eeprom_used > EEPROM_BYTES:
@@ -190,7 +181,7 @@ def _in_eeprom(analyser: Analyser, name: str, kind: CType, place: Location) -> S
     return symbol
 
 
-def _fix(analyser: Analyser, symbol: Symbol, address: int, place: Location) -> None:
+def _fix(analyser: Analyser, symbol: tree.Symbol, address: int, place: Location) -> None:
     """Assign a fixed address to a variable, or to a constant: that of a word of the program memory."""
     if symbol.kind == "flash":
         symbol.address = address
@@ -224,7 +215,7 @@ def _check_in_flash(analyser: Analyser, name: str, address: int, words: int, pla
         )
 
 
-def _redeclare(analyser: Analyser, symbol: Symbol, kind: CType, node: Any, address: int | None) -> None:
+def _redeclare(analyser: Analyser, symbol: tree.Symbol, kind: CType, node: Any, address: int | None) -> None:
     """Add what a further declaration of a variable specifies: its length, volatile, its address."""
     differing = {
         "const": is_const_object(symbol.type) != is_const_object(kind),
@@ -258,7 +249,7 @@ def _redeclare(analyser: Analyser, symbol: Symbol, kind: CType, node: Any, addre
     _fix(analyser, symbol, address, analyser.place(node))
 
 
-def _configuration(analyser: Analyser, name: str, kind: CType, place: Location) -> Symbol:
+def _configuration(analyser: Analyser, name: str, kind: CType, place: Location) -> tree.Symbol:
     """Return the symbol for SDCC's form of the configuration word: a constant at its address."""
     if kind.size != 2 or not (is_const_object(kind) or analyser.dialect == SDCC):
         raise analyser.reporter.fatal(
@@ -266,7 +257,7 @@ def _configuration(analyser: Analyser, name: str, kind: CType, place: Location) 
             f"the configuration word at 0x{CONFIG_ADDRESS:X} is a constant of 16 bits",
             place,
         )
-    symbol = Symbol(name, kind, "flash", place, address=CONFIG_ADDRESS, asm_name=f"_{name}")
+    symbol = tree.Symbol(name, kind, "flash", place, address=CONFIG_ADDRESS, asm_name=f"_{name}")
     analyser.program.symbols.append(symbol)
     return symbol
 
@@ -285,7 +276,7 @@ def _global(
         if known is not None:
             analyser.scopes.here.names[name] = known
     if known is not None:
-        if not isinstance(known, Symbol) or not same(known.type, kind):
+        if not isinstance(known, tree.Symbol) or not same(known.type, kind):
             raise analyser.fail(
                 "c-redeclared",
                 f"'{name}' is already declared",
@@ -332,7 +323,7 @@ def _local(analyser: Analyser, node: Any, kind: CType, static: bool, address: in
             and _constant_local(analyser, node, kind)
         ):
             return
-        symbol = Symbol(name, kind, "local", place, function=analyser.function.name)
+        symbol = tree.Symbol(name, kind, "local", place, function=analyser.function.name)
         symbol.volatile = holds_volatile(kind)
         enter_name(analyser, name, symbol, node)
         if node.init is not None:
@@ -343,7 +334,7 @@ def _local(analyser: Analyser, node: Any, kind: CType, static: bool, address: in
     analyser.asm_symbols[symbol.asm_name] = symbol
 
 
-def _in_frame(analyser: Analyser, symbol: Symbol, node: Any) -> None:
+def _in_frame(analyser: Analyser, symbol: tree.Symbol, node: Any) -> None:
     """Add a variable of a block to those of its function."""
     assert analyser.function is not None
     symbol.pinned = isinstance(symbol.type, (ArrayType, StructType))
@@ -357,7 +348,7 @@ def _in_frame(analyser: Analyser, symbol: Symbol, node: Any) -> None:
     analyser.declared_locals.append(symbol)
 
 
-def compound_literal(analyser: Analyser, node: Any) -> Expr:
+def compound_literal(analyser: Analyser, node: Any) -> tree.Expr:
     """Return an unnamed variable after the assignments that initialise it (ISO C 6.5.2.5)."""
     place = analyser.place(node)
     kind = analyser.dispatch.declared_type(analyser, node.type)
@@ -370,16 +361,16 @@ def compound_literal(analyser: Analyser, node: Any) -> Expr:
     waiting, analyser.pending = analyser.pending, []
     fill(analyser, symbol, kind, scalars(analyser, kind, node.init), place)
     steps, analyser.pending = [statement.expr for statement in analyser.pending], waiting
-    literal: Expr = Ref(symbol, 0, None, kind, place)
+    literal: tree.Expr = tree.Ref(symbol, 0, None, kind, place)
     for step in reversed(steps):
-        literal = Comma(step, literal, kind, place)
+        literal = tree.Comma(step, literal, kind, place)
     return literal
 
 
 def _constant_local(analyser: Analyser, node: Any, kind: CType) -> bool:
     """Treat `const int n = 5;` in a block as the number itself; return whether it had that form."""
     value = convert(analyser, expression(analyser, node.init), kind, "the initialiser")
-    if not isinstance(value, Num) or not isinstance(kind, (IntType, FloatType)):
+    if not isinstance(value, tree.Num) or not isinstance(kind, (IntType, FloatType)):
         return False
     symbol = _new_global(analyser, node, kind, None)
     symbol.function = analyser.function.name if analyser.function else None
@@ -388,7 +379,7 @@ def _constant_local(analyser: Analyser, node: Any, kind: CType) -> bool:
     return True
 
 
-def _initialise_local(analyser: Analyser, symbol: Symbol, node: Any) -> None:
+def _initialise_local(analyser: Analyser, symbol: tree.Symbol, node: Any) -> None:
     """Add the assignments of a local's initialiser to `pending`; a constant array or structure whose values
     are known is in flash instead.
     """
@@ -408,21 +399,21 @@ def _initialise_local(analyser: Analyser, symbol: Symbol, node: Any) -> None:
     init = node.init.exprs[0] if isinstance(node.init, c_ast.InitList) else node.init
     value = convert(analyser, expression(analyser, init), kind, "the initialiser")
     target = use(symbol, place)
-    assert isinstance(target, Ref)
+    assert isinstance(target, tree.Ref)
     target.type = kind
-    analyser.pending.append(ExprStmt(Assign(target, value, kind, place)))
+    analyser.pending.append(tree.ExprStmt(tree.Assign(target, value, kind, place)))
 
 
 def declare_function(
     analyser: Analyser, node: Any, kind: FuncType, *, define: bool = False
-) -> FunctionDefinition:
+) -> tree.FunctionDefinition:
     """Analyse a prototype, or the head of a definition, and return the function."""
     name, place = node.name, analyser.place(node)
     static = "static" in (node.storage or [])
     known = analyser.scopes.find(name) if name in analyser.scopes.stack[0].names else None
     if known is None and not static:
         known = analyser.externals.get(name)
-    if known is not None and not isinstance(known, FunctionDefinition):
+    if known is not None and not isinstance(known, tree.FunctionDefinition):
         raise analyser.fail(
             "c-redeclared", f"'{name}' is already declared", node, hint=f"at {getattr(known, 'place', '')}"
         )
@@ -431,7 +422,7 @@ def declare_function(
         mangled = name
         while mangled in analyser.program.functions:
             mangled += "'"
-        known = FunctionDefinition(
+        known = tree.FunctionDefinition(
             mangled, kind.result, _parameter_symbols(analyser, node, kind, mangled), place
         )
         known.prototyped = kind.parameters is not None or define
@@ -463,7 +454,7 @@ def declare_function(
     return known
 
 
-def _function_words(analyser: Analyser, function: FunctionDefinition, node: Any) -> None:
+def _function_words(analyser: Analyser, function: tree.FunctionDefinition, node: Any) -> None:
     """Add what the words `interrupt`, `__naked` and `__at` of a declaration say of its function."""
     here = position(analyser.place(node), node.name)
     analyser.heads.add(here)
@@ -485,14 +476,14 @@ def _function_words(analyser: Analyser, function: FunctionDefinition, node: Any)
     function.origin = address
 
 
-def _replace_library(analyser: Analyser, known: FunctionDefinition, kind: FuncType, node: Any) -> None:
+def _replace_library(analyser: Analyser, known: tree.FunctionDefinition, kind: FuncType, node: Any) -> None:
     """Let the program declare a function of the library with other types: its own declaration holds."""
     known.result, known.place = kind.result, analyser.place(node)
     known.parameters = _parameter_symbols(analyser, node, kind, known.name)
     known.prototyped = kind.parameters is not None
 
 
-def _same_signature(analyser: Analyser, known: FunctionDefinition, kind: FuncType, node: Any) -> None:
+def _same_signature(analyser: Analyser, known: tree.FunctionDefinition, kind: FuncType, node: Any) -> None:
     """Reject a declaration that is not compatible with the one before it (ISO C 6.7.6.3)."""
     both = FuncType(
         known.result, tuple(parameter.type for parameter in known.parameters) if known.prototyped else None
@@ -506,7 +497,7 @@ def _same_signature(analyser: Analyser, known: FunctionDefinition, kind: FuncTyp
         )
 
 
-def _parameter_symbols(analyser: Analyser, node: Any, kind: FuncType, function: str) -> list[Symbol]:
+def _parameter_symbols(analyser: Analyser, node: Any, kind: FuncType, function: str) -> list[tree.Symbol]:
     """Return the symbols of a function's parameters."""
     arguments = node.type.args if isinstance(node.type, c_ast.FuncDecl) else None
     kinds = kind.parameters or ()
@@ -515,7 +506,7 @@ def _parameter_symbols(analyser: Analyser, node: Any, kind: FuncType, function: 
     symbols = []
     for number, (parameter, declaration) in enumerate(zip(kinds, declared, strict=False), 1):
         name = getattr(declaration, "name", None) or f"argument{number}"
-        symbol = Symbol(name, parameter, "param", analyser.place(declaration), function=function)
+        symbol = tree.Symbol(name, parameter, "param", analyser.place(declaration), function=function)
         symbol.asm_name = f"_{name}_{function}"
         symbol.pinned = isinstance(parameter, StructType)
         symbol.volatile = holds_volatile(parameter)

@@ -8,29 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from servogen.compiler.ast.nodes import (
-    AddressOf,
-    Assign,
-    BlockStatement,
-    Builtin,
-    CaseLabel,
-    Choice,
-    Expr,
-    ExprStmt,
-    FunctionDefinition,
-    If,
-    Jump,
-    LabelStmt,
-    Logic,
-    Loop,
-    Num,
-    Ref,
-    Return,
-    Stmt,
-    Switch,
-    Symbol,
-    Update,
-)
+from servogen.compiler.ast import nodes as tree
 from servogen.compiler.ast.types import VoidType
 from servogen.compiler.ast.walk import expressions
 from servogen.compiler.diagnostics import Reporter
@@ -38,7 +16,7 @@ from servogen.compiler.sema.call_graph import has_assembly, statements
 
 
 def check_flow(
-    function: FunctionDefinition, declared: Sequence[Symbol], used: set[str], reporter: Reporter
+    function: tree.FunctionDefinition, declared: Sequence[tree.Symbol], used: set[str], reporter: Reporter
 ) -> None:
     """Report unused variables and parameters, variables read before they are set, and a missing return.
     `declared` are the variables that the program declares in the function, `used` the names that its text
@@ -50,19 +28,21 @@ def check_flow(
     _unused(body, declared, used, reporter)
     _unused_parameters(function, used, reporter)
     _missing_return(function, body, reporter)
-    if not any(isinstance(statement, LabelStmt) for statement in statements(body)):
+    if not any(isinstance(statement, tree.LabelStmt) for statement in statements(body)):
         _Uninitialised(body, declared, reporter).report()
 
 
 # unused
 
 
-def _unused(body: BlockStatement, declared: Sequence[Symbol], used: set[str], reporter: Reporter) -> None:
+def _unused(
+    body: tree.BlockStatement, declared: Sequence[tree.Symbol], used: set[str], reporter: Reporter
+) -> None:
     """Warn about variables that are never used, or only set."""
     written = {
         expr.target.symbol
         for expr in expressions(body)
-        if isinstance(expr, (Assign, Update)) and isinstance(expr.target, Ref)
+        if isinstance(expr, (tree.Assign, tree.Update)) and isinstance(expr.target, tree.Ref)
     }
     for symbol in declared:
         if symbol.volatile or symbol.name in used:
@@ -73,7 +53,7 @@ def _unused(body: BlockStatement, declared: Sequence[Symbol], used: set[str], re
             reporter.warn("c-unused", f"'{symbol.name}' is never used", symbol.place)
 
 
-def _unused_parameters(function: FunctionDefinition, used: set[str], reporter: Reporter) -> None:
+def _unused_parameters(function: tree.FunctionDefinition, used: set[str], reporter: Reporter) -> None:
     """Warn about parameters that are never used."""
     for symbol in function.parameters:
         if symbol.place.line and symbol.name not in used:
@@ -88,7 +68,7 @@ def _unused_parameters(function: FunctionDefinition, used: set[str], reporter: R
 # the end of a function
 
 
-def _missing_return(function: FunctionDefinition, body: BlockStatement, reporter: Reporter) -> None:
+def _missing_return(function: tree.FunctionDefinition, body: tree.BlockStatement, reporter: Reporter) -> None:
     """Warn about a function that can end without a value; main returns 0 by itself (ISO C 5.1.2.2.3)."""
     if isinstance(function.result, VoidType) or function.name == "main" or function.naked:
         return
@@ -100,40 +80,40 @@ def _missing_return(function: FunctionDefinition, body: BlockStatement, reporter
         )
 
 
-def _completes(node: Stmt) -> bool:
+def _completes(node: tree.Stmt) -> bool:
     """Return whether the statement after this one can be reached through it."""
     match node:
-        case Return() | Jump():
+        case tree.Return() | tree.Jump():
             return False
-        case ExprStmt(Builtin("restart")):
+        case tree.ExprStmt(tree.Builtin("restart")):
             return False
-        case BlockStatement(body):
+        case tree.BlockStatement(body):
             reachable = True
             for statement in body:
                 reachable = reachable or _has_label(statement)
                 reachable = reachable and _completes(statement)
             return reachable
-        case If(_, yes, no):
+        case tree.If(_, yes, no):
             return no is None or _completes(yes) or _completes(no)
-        case Loop(condition, body):
+        case tree.Loop(condition, body):
             return condition is not None or breaks(body)
-        case Switch(_, _, default, body):
+        case tree.Switch(_, _, default, body):
             return default is None or breaks(body) or _completes(body)
     return True
 
 
-def _has_label(node: Stmt) -> bool:
-    return any(isinstance(inner, (CaseLabel, LabelStmt)) for inner in statements(node))
+def _has_label(node: tree.Stmt) -> bool:
+    return any(isinstance(inner, (tree.CaseLabel, tree.LabelStmt)) for inner in statements(node))
 
 
-def breaks(node: Stmt) -> bool:
+def breaks(node: tree.Stmt) -> bool:
     """Return whether a `break` in a body ends the loop or switch that it is the body of."""
     match node:
-        case Jump("break"):
+        case tree.Jump("break"):
             return True
-        case BlockStatement(body):
+        case tree.BlockStatement(body):
             return any(map(breaks, body))
-        case If(_, yes, no):
+        case tree.If(_, yes, no):
             return breaks(yes) or (no is not None and breaks(no))
     return False
 
@@ -147,18 +127,18 @@ class _Uninitialised:
     those that every path has set; a loop or switch counts as if its body ran.
     """
 
-    body: BlockStatement
-    declared: Sequence[Symbol]
+    body: tree.BlockStatement
+    declared: Sequence[tree.Symbol]
     reporter: Reporter
-    set_: set[Symbol] = field(default_factory=set)
-    sure: set[Symbol] = field(default_factory=set)
-    in_loop: set[Symbol] = field(default_factory=set)
+    set_: set[tree.Symbol] = field(default_factory=set)
+    sure: set[tree.Symbol] = field(default_factory=set)
+    in_loop: set[tree.Symbol] = field(default_factory=set)
     """What the loops around the present place set, perhaps in an earlier round."""
     conditional: int = 0
 
     def report(self) -> None:
         """Follow the body; variables whose address is taken may be set elsewhere and are not watched."""
-        pointed = {expr.target.symbol for expr in expressions(self.body) if isinstance(expr, AddressOf)}
+        pointed = {expr.target.symbol for expr in expressions(self.body) if isinstance(expr, tree.AddressOf)}
         self.watched = {
             symbol
             for symbol in self.declared
@@ -166,28 +146,28 @@ class _Uninitialised:
         }
         self.statement(self.body)
 
-    watched: set[Symbol] = field(default_factory=set)
+    watched: set[tree.Symbol] = field(default_factory=set)
 
-    def statement(self, node: Stmt | None) -> None:
+    def statement(self, node: tree.Stmt | None) -> None:
         """Follow a statement, in the order of its evaluation."""
         match node:
-            case ExprStmt(expr):
+            case tree.ExprStmt(expr):
                 self.expression(expr)
-            case BlockStatement(body):
+            case tree.BlockStatement(body):
                 for inner in body:
                     self.statement(inner)
-            case If(condition, yes, no):
+            case tree.If(condition, yes, no):
                 self.expression(condition)
                 ends = not _completes(yes), no is not None and not _completes(no)
                 self.branches(lambda: self.statement(yes), lambda: self.statement(no), ends=ends)
-            case Loop():
+            case tree.Loop():
                 self.loop(node)
-            case Switch(value, _, _, body):
+            case tree.Switch(value, _, _, body):
                 self.expression(value)
                 self.branches(lambda: self.statement(body), lambda: None)
                 # whether the cases cover all values is not followed: better no warning than a wrong one
                 self.sure |= self.set_
-            case Return(value) if value is not None:
+            case tree.Return(value) if value is not None:
                 self.expression(value)
 
     def branches(
@@ -207,14 +187,14 @@ class _Uninitialised:
         through = [path for path, ended in zip(sures, ends, strict=True) if not ended]
         self.sure = set.intersection(*through) if through else set(self.set_)
 
-    def loop(self, node: Loop) -> None:
+    def loop(self, node: tree.Loop) -> None:
         """Follow a loop as if its body ran once."""
         outside = set(self.in_loop)
         self.in_loop |= {
             expr.target.symbol
             for part in (node.condition, node.body, node.step)
             for expr in expressions(part)
-            if isinstance(expr, (Assign, Update)) and isinstance(expr.target, Ref)
+            if isinstance(expr, (tree.Assign, tree.Update)) and isinstance(expr.target, tree.Ref)
         }
         if node.condition is not None and not node.post:
             self.expression(node.condition)
@@ -225,46 +205,46 @@ class _Uninitialised:
             self.expression(node.step)
         self.in_loop = outside
 
-    def expression(self, expr: Expr) -> None:
+    def expression(self, expr: tree.Expr) -> None:
         """Follow an expression, in the order of its evaluation."""
         match expr:
-            case Assign(target, value):
+            case tree.Assign(target, value):
                 self.expression(value)
-                if isinstance(target, Ref):
+                if isinstance(target, tree.Ref):
                     if target.index is not None:
                         self.expression(target.index)
                     self.set(target.symbol)
                 else:
                     self.expression(target)
-            case Update(_, target, value):
+            case tree.Update(_, target, value):
                 self.expression(value)
                 self.expression(target)
-                if isinstance(target, Ref):
+                if isinstance(target, tree.Ref):
                     self.set(target.symbol)
-            case Logic(_, left, right):
+            case tree.Logic(_, left, right):
                 self.expression(left)
                 self.branches(lambda: self.expression(right), lambda: None)
-            case Choice(condition, yes, no):
+            case tree.Choice(condition, yes, no):
                 self.expression(condition)
                 self.branches(lambda: self.expression(yes), lambda: self.expression(no))
-            case Ref(symbol, _, index):
+            case tree.Ref(symbol, _, index):
                 if index is not None:
                     self.expression(index)
                 self.read(symbol, expr)
-            case Num():
+            case tree.Num():
                 pass
             case _:
                 for name in expr.__dataclass_fields__:
                     part = getattr(expr, name)
                     for operand in part if isinstance(part, list) else [part]:
-                        if isinstance(operand, Expr):
+                        if isinstance(operand, tree.Expr):
                             self.expression(operand)
 
-    def set(self, symbol: Symbol) -> None:
+    def set(self, symbol: tree.Symbol) -> None:
         self.set_.add(symbol)
         self.sure.add(symbol)
 
-    def read(self, symbol: Symbol, expr: Ref) -> None:
+    def read(self, symbol: tree.Symbol, expr: tree.Ref) -> None:
         """Warn about a read of a variable that no path, or not every path, has set."""
         if symbol not in self.watched or symbol in self.sure:
             return

@@ -9,19 +9,7 @@ function, and calling it does nothing and yields 0.
 
 from __future__ import annotations
 
-from servogen.compiler.ast.nodes import (
-    BlockStatement,
-    Call,
-    CaseLabel,
-    ExprStmt,
-    FunctionDefinition,
-    Num,
-    Ref,
-    Return,
-    Stmt,
-    Switch,
-    Symbol,
-)
+from servogen.compiler.ast import nodes as tree
 from servogen.compiler.ast.types import U8, FuncType, PointerType, VoidType, same
 from servogen.compiler.sema.analyser import Analyser
 from servogen.errors import Location
@@ -31,12 +19,12 @@ DISPATCHER = "__call"
 """How the names of dispatchers begin."""
 
 
-def type_of(function: FunctionDefinition) -> FuncType:
+def type_of(function: tree.FunctionDefinition) -> FuncType:
     parameters = tuple(parameter.type for parameter in function.parameters) if function.prototyped else None
     return FuncType(function.result, parameters)
 
 
-def address(analyser: Analyser, function: FunctionDefinition, place: Location) -> Num:
+def address(analyser: Analyser, function: tree.FunctionDefinition, place: Location) -> tree.Num:
     """Return a function's number as a pointer to it."""
     if function.interrupt:
         raise analyser.fail(
@@ -48,22 +36,24 @@ def address(analyser: Analyser, function: FunctionDefinition, place: Location) -
             "program-too-large", f"the addresses of more than {MAX_FUNCTIONS} functions are taken", place
         )
     analyser.called.add(function.name)
-    return Num(numbers.setdefault(function.name, len(numbers) + 1), PointerType(type_of(function)), place)
+    return tree.Num(
+        numbers.setdefault(function.name, len(numbers) + 1), PointerType(type_of(function)), place
+    )
 
 
-def dispatcher(analyser: Analyser, kind: FuncType) -> FunctionDefinition:
+def dispatcher(analyser: Analyser, kind: FuncType) -> tree.FunctionDefinition:
     """Return the dispatcher of a type of function; its parameters are the function's and the number."""
     for known, definition in analyser.dispatchers:
         if same(known, kind):
             return definition
     name = f"{DISPATCHER}{len(analyser.dispatchers) + 1}"
     parameters = [
-        Symbol(f"argument{number}", parameter.plain(), "param", function=name)
+        tree.Symbol(f"argument{number}", parameter.plain(), "param", function=name)
         for number, parameter in enumerate(kind.parameters or (), 1)
     ]
-    number = Symbol("number", U8, "param", function=name)
-    definition = FunctionDefinition(
-        name, kind.result, [*parameters, number], Location(), body=BlockStatement([])
+    number = tree.Symbol("number", U8, "param", function=name)
+    definition = tree.FunctionDefinition(
+        name, kind.result, [*parameters, number], Location(), body=tree.BlockStatement([])
     )
     analyser.program.functions[name] = definition
     analyser.defined.add(definition)
@@ -76,27 +66,30 @@ def finish(analyser: Analyser) -> None:
     for kind, definition in analyser.dispatchers:
         *parameters, number = definition.parameters
         place = definition.place
-        cases: list[tuple[int, CaseLabel]] = []
-        body: list[Stmt] = []
+        cases: list[tuple[int, tree.CaseLabel]] = []
+        body: list[tree.Stmt] = []
         for name, value in analyser.function_numbers.items():
             function = analyser.program.functions[name]
             if not _fits(type_of(function), kind):
                 continue
-            label = CaseLabel(place)
+            label = tree.CaseLabel(place)
             cases.append((value, label))
             given = [
-                Ref(argument, 0, None, wanted.type.plain(), place)
+                tree.Ref(argument, 0, None, wanted.type.plain(), place)
                 for argument, wanted in zip(parameters, function.parameters, strict=True)
             ]
-            call = Call(name, list(given), definition.result.plain(), place)
+            call = tree.Call(name, list(given), definition.result.plain(), place)
             # a call that returns nothing needs a return of its own before the next case
             empty = isinstance(function.result, VoidType)
-            body += [label, *([ExprStmt(call), Return(None, place)] if empty else [Return(call, place)])]
+            body += [
+                label,
+                *([tree.ExprStmt(call), tree.Return(None, place)] if empty else [tree.Return(call, place)]),
+            ]
         assert definition.body is not None
-        value_of = Ref(number, 0, None, U8, place)
-        definition.body.body = [Switch(value_of, cases, None, BlockStatement(body), place)]
+        value_of = tree.Ref(number, 0, None, U8, place)
+        definition.body.body = [tree.Switch(value_of, cases, None, tree.BlockStatement(body), place)]
         if kind.result.scalar:
-            definition.body.body.append(Return(Num(0, kind.result.plain(), place), place))
+            definition.body.body.append(tree.Return(tree.Num(0, kind.result.plain(), place), place))
 
 
 def _fits(function: FuncType, kind: FuncType) -> bool:

@@ -11,20 +11,7 @@ from typing import Any, NamedTuple
 
 from pycparser import c_ast
 
-from servogen.compiler.ast.nodes import (
-    AddressByte,
-    AddressOf,
-    Assign,
-    Binary,
-    Cast,
-    Data,
-    Expr,
-    ExprStmt,
-    Num,
-    Ref,
-    Symbol,
-    WideField,
-)
+from servogen.compiler.ast import nodes as tree
 from servogen.compiler.ast.types import (
     U8,
     ArrayType,
@@ -73,7 +60,7 @@ def complete(analyser: Analyser, kind: CType, node: Any) -> CType:
         return replace(kind, length=len(characters(analyser, init.value, analyser.place(init))) + 1)
     if "extern" in (node.storage or []):
         known = analyser.externals.get(node.name)
-        return known.type if isinstance(known, Symbol) else kind
+        return known.type if isinstance(known, tree.Symbol) else kind
     raise analyser.fail("c-initialiser", f"the size of the array '{node.name}' is missing", node)
 
 
@@ -116,9 +103,9 @@ def _is_whole(analyser: Analyser, items: list[Any], element: ArrayType | StructT
     return same(items[0].type, element)
 
 
-def _typed(analyser: Analyser, item: Any) -> Expr:
+def _typed(analyser: Analyser, item: Any) -> tree.Expr:
     """Return an initialiser as a typed expression, unless it is one already."""
-    typed: Expr = expression(analyser, item) if isinstance(item, c_ast.Node) else item
+    typed: tree.Expr = expression(analyser, item) if isinstance(item, c_ast.Node) else item
     return typed
 
 
@@ -142,10 +129,10 @@ def is_constant(leaf: Leaf) -> bool:
     if isinstance(leaf.value, int):
         return True
     value = _stripped(leaf.value)
-    return isinstance(value, Num) or _address(value) is not None
+    return isinstance(value, tree.Num) or _address(value) is not None
 
 
-def fill(analyser: Analyser, symbol: Symbol, kind: CType, leaves: list[Leaf], place: Location) -> None:
+def fill(analyser: Analyser, symbol: tree.Symbol, kind: CType, leaves: list[Leaf], place: Location) -> None:
     """Emit the assignments for an array or structure in RAM whose initialiser need not be constant."""
     given = {leaf.offset: leaf for leaf in leaves if not leaf.width}
     behind = 0
@@ -160,23 +147,23 @@ def fill(analyser: Analyser, symbol: Symbol, kind: CType, leaves: list[Leaf], pl
             _assign(analyser, symbol, field, place)
 
 
-def _assign(analyser: Analyser, symbol: Symbol, leaf: Leaf, place: Location) -> None:
+def _assign(analyser: Analyser, symbol: tree.Symbol, leaf: Leaf, place: Location) -> None:
     """Add the assignment of one scalar to `pending`."""
     kind = leaf.type.plain()
     if isinstance(leaf.value, int):
-        value: Expr = Num(leaf.value, kind, place)
+        value: tree.Expr = tree.Num(leaf.value, kind, place)
     else:
         value, place = leaf.value, leaf.place
     if leaf.width > 8:
-        container = Ref(symbol, leaf.offset, None, kind, place)
-        field = WideField(container, leaf.width, kind, place)
-        analyser.pending.append(ExprStmt(store(analyser, field, value)))
+        container = tree.Ref(symbol, leaf.offset, None, kind, place)
+        field = tree.WideField(container, leaf.width, kind, place)
+        analyser.pending.append(tree.ExprStmt(store(analyser, field, value)))
         return
-    target = Ref(symbol, leaf.offset, None, kind, place, leaf.bit, leaf.width)
-    analyser.pending.append(ExprStmt(Assign(target, value, kind, place)))
+    target = tree.Ref(symbol, leaf.offset, None, kind, place, leaf.bit, leaf.width)
+    analyser.pending.append(tree.ExprStmt(tree.Assign(target, value, kind, place)))
 
 
-def initialise(analyser: Analyser, data: dict[int, Data], leaves: list[Leaf]) -> None:
+def initialise(analyser: Analyser, data: dict[int, tree.Data], leaves: list[Leaf]) -> None:
     """Set the bytes of a constant initialiser."""
     for leaf in leaves:
         if isinstance(leaf.value, int):
@@ -190,7 +177,7 @@ def initialise(analyser: Analyser, data: dict[int, Data], leaves: list[Leaf]) ->
             data[leaf.offset + number] = byte
 
 
-def _set_field(analyser: Analyser, data: dict[int, Data], leaf: Leaf, value: list[Data]) -> None:
+def _set_field(analyser: Analyser, data: dict[int, tree.Data], leaf: Leaf, value: list[tree.Data]) -> None:
     """Insert the value of a bit-field between those of its neighbours."""
     for number, byte in enumerate(value[: -(-leaf.width // 8)]):
         before = data.get(leaf.offset + number, 0)
@@ -200,21 +187,21 @@ def _set_field(analyser: Analyser, data: dict[int, Data], leaf: Leaf, value: lis
         data[leaf.offset + number] = before | (byte & mask) << (leaf.bit or 0)
 
 
-def _bytes(analyser: Analyser, leaf: Leaf) -> list[Data]:
+def _bytes(analyser: Analyser, leaf: Leaf) -> list[tree.Data]:
     """Return the bytes of a constant initialiser; addresses are filled in by the layout."""
     value, size = _stripped(leaf.value), leaf.type.size
-    if isinstance(value, Num):
+    if isinstance(value, tree.Num):
         return [value.value >> 8 * index & 0xFF for index in range(size)]
     address = _address(value)
     if address is None:
         raise analyser.fail("c-not-constant", "the initialiser must be a constant", leaf.place)
-    return [AddressByte(*address, part) for part in range(size)]
+    return [tree.AddressByte(*address, part) for part in range(size)]
 
 
-def _stripped(expr: Expr) -> Expr:
+def _stripped(expr: tree.Expr) -> tree.Expr:
     """Return an expression without the conversions that keep its low bytes."""
     while (
-        isinstance(expr, Cast)
+        isinstance(expr, tree.Cast)
         and expr.type.size <= expr.operand.type.size
         and not isinstance(expr.type, VoidType)
     ):
@@ -222,14 +209,14 @@ def _stripped(expr: Expr) -> Expr:
     return expr
 
 
-def _address(expr: Expr) -> tuple[Symbol, int] | None:
+def _address(expr: tree.Expr) -> tuple[tree.Symbol, int] | None:
     """Return the object and the offset that an address constant points to; None if `expr` is not one."""
     match expr:
-        case AddressOf(target) if target.index is None:
+        case tree.AddressOf(target) if target.index is None:
             return target.symbol, target.offset
-        case Cast(operand) if isinstance(operand.type, PointerType):
+        case tree.Cast(operand) if isinstance(operand.type, PointerType):
             return _address(operand)
-        case Binary(op, pointer, Num(bytes_)) if isinstance(expr.type, PointerType):
+        case tree.Binary(op, pointer, tree.Num(bytes_)) if isinstance(expr.type, PointerType):
             moved = _address(pointer)
             return moved and (moved[0], moved[1] + (bytes_ if op == "+" else -bytes_))
     return None

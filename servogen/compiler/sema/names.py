@@ -11,26 +11,8 @@ from functools import cache
 from typing import Any
 
 import servogen.compiler.sema.function_pointers as function_pointers
+from servogen.compiler.ast import nodes as tree
 from servogen.compiler.ast.constant_folding import has_effect
-from servogen.compiler.ast.nodes import (
-    Binary,
-    Builtin,
-    Cast,
-    Choice,
-    Comma,
-    ConstNum,
-    Deref,
-    EepromObject,
-    Expr,
-    FunctionDefinition,
-    Logic,
-    Num,
-    Ref,
-    Symbol,
-    Unary,
-    Update,
-    WideField,
-)
 from servogen.compiler.ast.types import (
     BIT,
     U8,
@@ -75,7 +57,7 @@ _LITERAL = re.compile(r'"(?:[^"\\]|\\.)*"|\'(?:[^\'\\]|\\.)*\'', re.DOTALL)
 _CHARACTER = re.compile(r"\\x([0-9a-fA-F]+)|\\([0-7]{1,3})|\\(.)|([^\\])", re.DOTALL)
 
 
-def expression(analyser: Analyser, node: Any) -> Expr:
+def expression(analyser: Analyser, node: Any) -> tree.Expr:
     """Return the typed form of an expression of pycparser's tree."""
     handler = analyser.dispatch.expressions.get(type(node))
     if handler is None:
@@ -87,12 +69,12 @@ def expression(analyser: Analyser, node: Any) -> Expr:
 def constant(analyser: Analyser, node: Any, role: str) -> int:
     """Return the value of a constant expression."""
     expr = arithmetic(analyser, expression(analyser, node))
-    if not isinstance(expr, Num):
+    if not isinstance(expr, tree.Num):
         raise analyser.fail("c-not-constant", f"{role} must be a constant", node)
     return expr.value
 
 
-def literal(analyser: Analyser, node: Any) -> Expr:
+def literal(analyser: Analyser, node: Any) -> tree.Expr:
     """Analyse a number, character or string (ISO C 6.4.4, 6.4.5)."""
     place = analyser.place(node)
     if node.type == "string":
@@ -112,7 +94,7 @@ def literal(analyser: Analyser, node: Any) -> Expr:
     value = int(digits, 8 if octal else 0) if shown == digits else None
     if value is None or value > 0xFFFFFFFF:
         raise analyser.fail("c-number", f"{shown} does not fit in 32 bits", node)
-    return Num(
+    return tree.Num(
         value, analyser.literal_type(value, match[2].lower(), digits[0] != "0" or digits == "0"), place
     )
 
@@ -147,36 +129,36 @@ def characters(analyser: Analyser, text: str, place: Location) -> list[int]:
     return values
 
 
-def identifier(analyser: Analyser, node: Any) -> Expr:
+def identifier(analyser: Analyser, node: Any) -> tree.Expr:
     return named(analyser, node, as_bit=not analyser.c2c)
 
 
-def named(analyser: Analyser, node: Any, *, as_bit: bool) -> Expr:
+def named(analyser: Analyser, node: Any, *, as_bit: bool) -> tree.Expr:
     """Return what a name refers to; the name of a register's bit is the bit, or in C2C its number."""
     meaning = analyser.scopes.find(node.name)
     place = analyser.place(node)
     match meaning:
-        case Symbol():
+        case tree.Symbol():
             return use(meaning, place)
         case Constant(value, kind):
-            return Num(value, kind, place)
+            return tree.Num(value, kind, place)
         case ChipBit(register, bit):
             if not as_bit:
-                return Num(bit, analyser.int_type, place)
-            return Ref(analyser.scopes.register(register), 0, None, BIT, place, bit, 1)
+                return tree.Num(bit, analyser.int_type, place)
+            return tree.Ref(analyser.scopes.register(register), 0, None, BIT, place, bit, 1)
         case BitAlias(symbol, bit):
-            return Ref(symbol, bit // 8, None, BIT, place, bit % 8, 1)
-        case FunctionDefinition():
+            return tree.Ref(symbol, bit // 8, None, BIT, place, bit % 8, 1)
+        case tree.FunctionDefinition():
             return function_pointers.address(analyser, meaning, place)
     if node.name in ("__func__", "__FUNCTION__") and analyser.function is not None:
         return analyser.string([*analyser.function.name.encode(), 0], place)
     # PORTBbits, as in XC8's headers
     match = re.fullmatch(r"(\w+)bits", node.name)
     register_symbol = analyser.scopes.chip(match[1]) if match else None
-    if isinstance(register_symbol, Symbol):
-        return Ref(register_symbol, 0, None, StructType(register_layout(match[1])), place)  # type: ignore[index]
+    if isinstance(register_symbol, tree.Symbol):
+        return tree.Ref(register_symbol, 0, None, StructType(register_layout(match[1])), place)  # type: ignore[index]
     if analyser.reading_config and node.name in config_names():
-        return Num(config_names()[node.name], analyser.int_type, place)
+        return tree.Num(config_names()[node.name], analyser.int_type, place)
     if node.name in analyser.reporter.lost:
         raise Fatal(node.name)
     raise analyser.fail(
@@ -189,45 +171,45 @@ def _suggest(analyser: Analyser, name: str) -> str | None:
     return hint if hint.startswith("did you") else None
 
 
-def use(symbol: Symbol, place: Location) -> Expr:
+def use(symbol: tree.Symbol, place: Location) -> tree.Expr:
     """Return a variable as an expression; a constant of known value is that number."""
     kind = symbol.type
     if symbol.kind == "eeprom":
-        return EepromObject(Num(symbol.address or 0, U8, place), kind, place)
+        return tree.EepromObject(tree.Num(symbol.address or 0, U8, place), kind, place)
     if symbol.kind == "flash" and kind.scalar and symbol.initial is not None:
         data = [symbol.initial.get(offset, 0) for offset in range(kind.size)]
         if all(isinstance(byte, int) for byte in data) and isinstance(kind, (IntType, FloatType)):
             value = sum(byte << 8 * index for index, byte in enumerate(data) if isinstance(byte, int))
             value = kind.wrap(value) if isinstance(kind, IntType) else value
-            return ConstNum(Ref(symbol, 0, None, kind, place), value)
+            return tree.ConstNum(tree.Ref(symbol, 0, None, kind, place), value)
     if isinstance(kind, IntType) and kind.is_bit:
-        return Ref(symbol, 0, None, kind, place, 0, 1)
-    return Ref(symbol, 0, None, kind, place)
+        return tree.Ref(symbol, 0, None, kind, place, 0, 1)
+    return tree.Ref(symbol, 0, None, kind, place)
 
 
-def expression_list(analyser: Analyser, node: Any) -> Expr:
+def expression_list(analyser: Analyser, node: Any) -> tree.Expr:
     """Analyse the comma operator (ISO C 6.5.17)."""
     *before, last = node.exprs
     sequence = value_of(analyser, expression(analyser, last))
     for part in reversed(before):
         first = value_of(analyser, expression(analyser, part))
         warn_unused(analyser, first)
-        sequence = Comma(first, sequence, sequence.type, analyser.place(part))
+        sequence = tree.Comma(first, sequence, sequence.type, analyser.place(part))
     return sequence
 
 
-def value_of(analyser: Analyser, expr: Expr) -> Expr:
+def value_of(analyser: Analyser, expr: tree.Expr) -> tree.Expr:
     """Return an expression whose value is read by the code generator itself."""
-    return load(analyser, expr) if isinstance(expr, (WideField, EepromObject)) else expr
+    return load(analyser, expr) if isinstance(expr, (tree.WideField, tree.EepromObject)) else expr
 
 
-def warn_unused(analyser: Analyser, expr: Expr) -> None:
+def warn_unused(analyser: Analyser, expr: tree.Expr) -> None:
     """Warn about a statement without effect."""
-    if isinstance(expr, Cast) and isinstance(expr.type, VoidType):
+    if isinstance(expr, tree.Cast) and isinstance(expr.type, VoidType):
         return
-    if isinstance(expr, (Choice, Logic, Comma)) and has_effect(expr):
+    if isinstance(expr, (tree.Choice, tree.Logic, tree.Comma)) and has_effect(expr):
         return
-    if isinstance(expr, Binary) and expr.op == "==":
+    if isinstance(expr, tree.Binary) and expr.op == "==":
         analyser.reporter.warn(
             "c-no-effect",
             "this comparison has no effect",
@@ -236,14 +218,16 @@ def warn_unused(analyser: Analyser, expr: Expr) -> None:
         )
     elif not has_effect(expr):
         analyser.reporter.warn("c-no-effect", "this statement has no effect", expr.place)
-    elif isinstance(expr, Deref) and isinstance(expr.pointer, Update) and not expr.type.volatile:
+    elif isinstance(expr, tree.Deref) and isinstance(expr.pointer, tree.Update) and not expr.type.volatile:
         analyser.reporter.warn(
             "c-unused-result",
             "the value that the pointer points to is read but not used",
             expr.place,
             hint="'(*p)++' changes it, 'p++' moves the pointer",
         )
-    elif isinstance(expr, (Binary, Unary, Cast)) or (isinstance(expr, Builtin) and expr.pure):
+    elif isinstance(expr, (tree.Binary, tree.Unary, tree.Cast)) or (
+        isinstance(expr, tree.Builtin) and expr.pure
+    ):
         analyser.reporter.warn("c-unused-result", "the result of this expression is not used", expr.place)
 
 

@@ -11,29 +11,8 @@ from typing import Any
 
 from pycparser import c_ast
 
+from servogen.compiler.ast import nodes as tree
 from servogen.compiler.ast.constant_folding import interval
-from servogen.compiler.ast.nodes import (
-    AddressOf,
-    Asm,
-    Assign,
-    BlockStatement,
-    Call,
-    CaseLabel,
-    Expr,
-    ExprStmt,
-    FunctionDefinition,
-    If,
-    Jump,
-    LabelStmt,
-    Loop,
-    Num,
-    Ref,
-    Return,
-    Stmt,
-    Switch,
-    Symbol,
-    Update,
-)
 from servogen.compiler.ast.types import BIT, U8, IntType, VoidType, promote
 from servogen.compiler.diagnostics import Fatal, is_own_file
 from servogen.compiler.frontend.assembly import MARKER
@@ -52,13 +31,13 @@ from servogen.compiler.sema.scopes import Lost
 from servogen.errors import Location, did_you_mean
 
 
-def define_function(analyser: Analyser, function: FunctionDefinition, node: Any) -> None:
+def define_function(analyser: Analyser, function: tree.FunctionDefinition, node: Any) -> None:
     """Analyse the body of a function."""
     analyser.function = function
     analyser.body = Body()
     errors = analyser.reporter.errors
     analyser.declared_locals = []
-    block = BlockStatement([])
+    block = tree.BlockStatement([])
     with analyser.scopes.block():
         for symbol in function.parameters:
             analyser.scopes.here.names[symbol.name] = symbol
@@ -82,14 +61,16 @@ def define_function(analyser: Analyser, function: FunctionDefinition, node: Any)
         _unused_labels(analyser, labels, function)
 
 
-def _unused_labels(analyser: Analyser, labels: dict[str, Location], function: FunctionDefinition) -> None:
+def _unused_labels(
+    analyser: Analyser, labels: dict[str, Location], function: tree.FunctionDefinition
+) -> None:
     """Warn about labels that no `goto` names; assembly may jump to one."""
     if function.body is not None and not has_assembly(function.body):
         for label, place in labels.items():
             analyser.reporter.warn("c-unused", f"nothing jumps to '{label}'", place)
 
 
-def items(analyser: Analyser, nodes: list[Any], out: list[Stmt]) -> None:
+def items(analyser: Analyser, nodes: list[Any], out: list[tree.Stmt]) -> None:
     """Analyse block items; an error in one does not suppress those of the next."""
     ended = False
     for node in nodes:
@@ -105,7 +86,7 @@ def items(analyser: Analyser, nodes: list[Any], out: list[Stmt]) -> None:
         ended = len(out) > before and _leaves(out[-1])
 
 
-def item(analyser: Analyser, node: Any, out: list[Stmt]) -> None:
+def item(analyser: Analyser, node: Any, out: list[tree.Stmt]) -> None:
     """Analyse a declaration or a statement of a block."""
     if isinstance(node, (c_ast.Decl, c_ast.Typedef)):
         try:
@@ -120,7 +101,7 @@ def item(analyser: Analyser, node: Any, out: list[Stmt]) -> None:
         out.append(statement(analyser, node))
 
 
-def statement(analyser: Analyser, node: Any) -> Stmt:
+def statement(analyser: Analyser, node: Any) -> tree.Stmt:
     """Return the typed form of a statement."""
     handler = _STATEMENTS.get(type(node))
     if handler is not None:
@@ -128,10 +109,10 @@ def statement(analyser: Analyser, node: Any) -> Stmt:
     if isinstance(node, c_ast.FuncCall) and isinstance(node.name, c_ast.ID) and node.name.name == MARKER:
         return asm_statement(analyser, int(node.args.exprs[0].value), analyser.place(node))
     expr = effect_of(analyser, node)
-    return ExprStmt(expr)
+    return tree.ExprStmt(expr)
 
 
-def asm_statement(analyser: Analyser, number: int, place: Location) -> Asm:
+def asm_statement(analyser: Analyser, number: int, place: Location) -> tree.Asm:
     """Return a block of assembly with the variables and functions that it may name."""
     block = analyser.asm_blocks[number]
     lines = [(Location(block.file, line), text) for line, text in block.lines]
@@ -141,20 +122,20 @@ def asm_statement(analyser: Analyser, number: int, place: Location) -> Asm:
             names.update(
                 {f"_{name}": meaning for name, meaning in scope.names.items() if hasattr(meaning, "asm_name")}
             )
-    return Asm(lines, names, list(_asm_calls(analyser, lines)), place)
+    return tree.Asm(lines, names, list(_asm_calls(analyser, lines)), place)
 
 
-def _asm_calls(analyser: Analyser, lines: list[tuple[Location, str]]) -> Iterator[Call]:
+def _asm_calls(analyser: Analyser, lines: list[tuple[Location, str]]) -> Iterator[tree.Call]:
     """Yield the C functions that lines of assembly call as `_name`."""
     for place, text in lines:
         match = re.match(r"(?i)(?:.*:)?\s*l?call\s+_(\w+)\s*(?:;|//|$)", text)
         called = analyser.scopes.find(match[1]) if match else None
-        if isinstance(called, FunctionDefinition):
+        if isinstance(called, tree.FunctionDefinition):
             analyser.called.add(called.name)
-            yield Call(called.name, [], called.result, place)
+            yield tree.Call(called.name, [], called.result, place)
 
 
-def effect_of(analyser: Analyser, node: Any) -> Expr:
+def effect_of(analyser: Analyser, node: Any) -> tree.Expr:
     """Return an expression that is evaluated for its effect."""
     if isinstance(node, c_ast.UnaryOp) and node.op in ("p++", "p--"):
         return _step_alone(analyser, node)
@@ -163,15 +144,15 @@ def effect_of(analyser: Analyser, node: Any) -> Expr:
     return expr
 
 
-def _step_alone(analyser: Analyser, node: Any) -> Expr:
+def _step_alone(analyser: Analyser, node: Any) -> tree.Expr:
     """Return `x++` or `x--` whose value is not used: no value from before need be kept."""
     update = expression(analyser, c_ast.UnaryOp(node.op[1:], node.expr, node.coord))
-    if isinstance(update, Update):
+    if isinstance(update, tree.Update):
         update.post = True
     return value_of(analyser, update)
 
 
-def checked_condition(analyser: Analyser, node: Any) -> Expr:
+def checked_condition(analyser: Analyser, node: Any) -> tree.Expr:
     """Return the condition of an `if` or loop; warns about an assignment that is not in parentheses."""
     meant = id(node) in analyser.parenthesised
     if isinstance(node, c_ast.Assignment) and node.op == "=" and not meant:
@@ -184,23 +165,23 @@ def checked_condition(analyser: Analyser, node: Any) -> Expr:
     return truth(analyser, condition_operand(analyser, node))
 
 
-def nested(analyser: Analyser, node: Any) -> Stmt:
+def nested(analyser: Analyser, node: Any) -> tree.Stmt:
     """Return the body of an `if` or loop as one statement."""
-    out: list[Stmt] = []
+    out: list[tree.Stmt] = []
     items(analyser, [node], out)
-    return out[0] if out else BlockStatement([])
+    return out[0] if out else tree.BlockStatement([])
 
 
-def _leaves(statement: Stmt) -> bool:
+def _leaves(statement: tree.Stmt) -> bool:
     """Return whether the code after a statement can only be reached through a label."""
     match statement:
-        case Return() | Jump():
+        case tree.Return() | tree.Jump():
             return True
-        case BlockStatement(body):
+        case tree.BlockStatement(body):
             return bool(body) and _leaves(body[-1])
-        case If(_, yes, no):
+        case tree.If(_, yes, no):
             return no is not None and _leaves(yes) and _leaves(no)
-        case Loop(None, body):
+        case tree.Loop(None, body):
             return not breaks(body)
     return False
 
@@ -212,22 +193,22 @@ def _can_be_reached(node: Any) -> bool:
     return any(_can_be_reached(child) for child in node if not isinstance(child, c_ast.Decl))
 
 
-def _stmt_compound(analyser: Analyser, node: Any) -> Stmt:
+def _stmt_compound(analyser: Analyser, node: Any) -> tree.Stmt:
     """Analyse a block, which is a scope (ISO C 6.8.2)."""
-    block = BlockStatement([])
+    block = tree.BlockStatement([])
     with analyser.scopes.block():
         items(analyser, node.block_items or [], block.body)
     return block
 
 
-def _stmt_empty_statement(analyser: Analyser, node: Any) -> Stmt:
-    return BlockStatement([])
+def _stmt_empty_statement(analyser: Analyser, node: Any) -> tree.Stmt:
+    return tree.BlockStatement([])
 
 
-def _stmt_if(analyser: Analyser, node: Any) -> Stmt:
+def _stmt_if(analyser: Analyser, node: Any) -> tree.Stmt:
     """Analyse an `if` (ISO C 6.8.4.1)."""
     condition = checked_condition(analyser, node.cond)
-    return If(
+    return tree.If(
         condition,
         nested(analyser, node.iftrue),
         nested(analyser, node.iffalse) if node.iffalse else None,
@@ -235,7 +216,9 @@ def _stmt_if(analyser: Analyser, node: Any) -> Stmt:
     )
 
 
-def _loop(analyser: Analyser, node: Any, condition: Expr | None, step: Expr | None, post: bool) -> Stmt:
+def _loop(
+    analyser: Analyser, node: Any, condition: tree.Expr | None, step: tree.Expr | None, post: bool
+) -> tree.Stmt:
     """Return a loop; a condition that is a constant other than 0 is dropped."""
     kind = {c_ast.While: "while", c_ast.For: "for"}.get(type(node), "do")
     analyser.body.loops += 1
@@ -243,39 +226,39 @@ def _loop(analyser: Analyser, node: Any, condition: Expr | None, step: Expr | No
     inside = nested(analyser, node.stmt)
     analyser.body.loops -= 1
     analyser.body.breakable -= 1
-    if isinstance(condition, Num) and condition.value:
+    if isinstance(condition, tree.Num) and condition.value:
         condition = None
-    return Loop(condition, inside, step, post, analyser.place(node), kind)
+    return tree.Loop(condition, inside, step, post, analyser.place(node), kind)
 
 
-def _stmt_while(analyser: Analyser, node: Any) -> Stmt:
+def _stmt_while(analyser: Analyser, node: Any) -> tree.Stmt:
     return _loop(analyser, node, checked_condition(analyser, node.cond), None, False)
 
 
-def _stmt_do_while(analyser: Analyser, node: Any) -> Stmt:
+def _stmt_do_while(analyser: Analyser, node: Any) -> tree.Stmt:
     return _loop(analyser, node, checked_condition(analyser, node.cond), None, True)
 
 
-def _stmt_for(analyser: Analyser, node: Any) -> Stmt:
+def _stmt_for(analyser: Analyser, node: Any) -> tree.Stmt:
     """Analyse a `for`; what its first part declares is in a scope around the loop (ISO C 6.8.5)."""
-    out: list[Stmt] = []
+    out: list[tree.Stmt] = []
     with analyser.scopes.block():
         if isinstance(node.init, c_ast.DeclList):
             for decl in node.init.decls:
                 item(analyser, decl, out)
         elif node.init is not None:
-            out.append(ExprStmt(effect_of(analyser, node.init)))
+            out.append(tree.ExprStmt(effect_of(analyser, node.init)))
         condition = checked_condition(analyser, node.cond) if node.cond is not None else None
         step = effect_of(analyser, node.next) if node.next is not None else None
         out.append(_loop(analyser, node, condition, step, False))
-    return BlockStatement(out)
+    return tree.BlockStatement(out)
 
 
-def _stmt_switch(analyser: Analyser, node: Any) -> Stmt:
+def _stmt_switch(analyser: Analyser, node: Any) -> tree.Stmt:
     """Analyse a `switch`; the cases in its body add themselves (ISO C 6.8.4.2)."""
     value = promoted(analyser, expression(analyser, node.cond))
     assert isinstance(value.type, IntType)
-    switch = Switch(value, [], None, BlockStatement([]), analyser.place(node))
+    switch = tree.Switch(value, [], None, tree.BlockStatement([]), analyser.place(node))
     analyser.body.switches.append((switch, promote(value.type, c2c=analyser.c2c)))
     analyser.body.breakable += 1
     if isinstance(node.stmt, c_ast.Compound):
@@ -294,7 +277,7 @@ def _stmt_switch(analyser: Analyser, node: Any) -> Stmt:
     return switch
 
 
-def _stmt_case(analyser: Analyser, node: Any) -> Stmt:
+def _stmt_case(analyser: Analyser, node: Any) -> tree.Stmt:
     """Analyse a `case`, whose constant is converted to the type of the switch (ISO C 6.8.4.2)."""
     if not analyser.body.switches:
         raise analyser.fail("c-jump", "'case' outside a switch", node)
@@ -302,7 +285,7 @@ def _stmt_case(analyser: Analyser, node: Any) -> Stmt:
     number = constant(analyser, node.expr, "a case")
     value = kind.wrap(number)
     low, high = interval(switch.value)
-    if not isinstance(switch.value, Num) and not low <= number <= high:
+    if not isinstance(switch.value, tree.Num) and not low <= number <= high:
         analyser.reporter.warn(
             "c-case-range",
             f"the case {number} is never reached: the value lies in {low} … {high}",
@@ -310,29 +293,29 @@ def _stmt_case(analyser: Analyser, node: Any) -> Stmt:
         )
     if any(value == known for known, _ in switch.cases):
         raise analyser.fail("c-jump", f"duplicate case {value}", node)
-    label = CaseLabel(analyser.place(node))
+    label = tree.CaseLabel(analyser.place(node))
     switch.cases.append((value, label))
     return _labelled(analyser, label, node.stmts)
 
 
-def _stmt_default(analyser: Analyser, node: Any) -> Stmt:
+def _stmt_default(analyser: Analyser, node: Any) -> tree.Stmt:
     """Analyse a `default` (ISO C 6.8.4.2)."""
     if not analyser.body.switches:
         raise analyser.fail("c-jump", "'default' outside a switch", node)
     switch, _ = analyser.body.switches[-1]
     if switch.default is not None:
         raise analyser.fail("c-jump", "duplicate 'default'", node)
-    switch.default = CaseLabel(analyser.place(node))
+    switch.default = tree.CaseLabel(analyser.place(node))
     return _labelled(analyser, switch.default, node.stmts)
 
 
-def _labelled(analyser: Analyser, label: CaseLabel | LabelStmt, nodes: list[Any]) -> Stmt:
-    block = BlockStatement([label])
+def _labelled(analyser: Analyser, label: tree.CaseLabel | tree.LabelStmt, nodes: list[Any]) -> tree.Stmt:
+    block = tree.BlockStatement([label])
     items(analyser, nodes or [], block.body)
     return block
 
 
-def _stmt_critical(analyser: Analyser, node: Any) -> Stmt:
+def _stmt_critical(analyser: Analyser, node: Any) -> tree.Stmt:
     """Analyse a block in which no interrupt comes. GIE is cleared until it reads 0, because an interrupt that
     comes during the BCF sets it again when it returns.
     """
@@ -343,31 +326,35 @@ def _stmt_critical(analyser: Analyser, node: Any) -> Stmt:
     analyser.body.loops = analyser.body.breakable = 0
     analyser.body.critical.append(before)
     gie = chip_bit(analyser, "GIE", place)
-    out: list[Stmt] = [
-        ExprStmt(Assign(Ref(before, 0, None, U8, place), register_ref(analyser, "INTCON", place), U8, place)),
-        Loop(gie, ExprStmt(set_bit(gie, 0)), None, True, place, "do"),
+    out: list[tree.Stmt] = [
+        tree.ExprStmt(
+            tree.Assign(
+                tree.Ref(before, 0, None, U8, place), register_ref(analyser, "INTCON", place), U8, place
+            )
+        ),
+        tree.Loop(gie, tree.ExprStmt(set_bit(gie, 0)), None, True, place, "do"),
         nested(analyser, node.stmt),
         _allow_again(analyser, before, place),
     ]
     analyser.body.critical.pop()
     analyser.body.loops, analyser.body.breakable = outer
-    return BlockStatement(out)
+    return tree.BlockStatement(out)
 
 
-def _allow_again(analyser: Analyser, before: Symbol, place: Location) -> Stmt:
+def _allow_again(analyser: Analyser, before: tree.Symbol, place: Location) -> tree.Stmt:
     """Return the statement that allows interrupts again if they were allowed before a critical block."""
-    was = Ref(before, 0, None, BIT, place, 7, 1)
-    return If(was, ExprStmt(set_bit(chip_bit(analyser, "GIE", place), 1)), None, place)
+    was = tree.Ref(before, 0, None, BIT, place, 7, 1)
+    return tree.If(was, tree.ExprStmt(set_bit(chip_bit(analyser, "GIE", place), 1)), None, place)
 
 
-def _stmt_label(analyser: Analyser, node: Any) -> Stmt:
+def _stmt_label(analyser: Analyser, node: Any) -> tree.Stmt:
     """Analyse a label, or the critical block that a generated one stands for."""
     if node.name.startswith(CRITICAL_LABEL):
         return _stmt_critical(analyser, node)
     if node.name in analyser.body.labels:
         raise analyser.fail("c-jump", f"duplicate label '{node.name}'", node)
     analyser.body.labels[node.name] = analyser.place(node)
-    return _labelled(analyser, LabelStmt(node.name, analyser.place(node)), [node.stmt])
+    return _labelled(analyser, tree.LabelStmt(node.name, analyser.place(node)), [node.stmt])
 
 
 def _no_way_out(analyser: Analyser, word: str, enclosing: str, node: Any) -> Fatal:
@@ -380,26 +367,26 @@ def _no_way_out(analyser: Analyser, word: str, enclosing: str, node: Any) -> Fat
     return analyser.fail("c-jump", f"'{word}'{inside}", node)
 
 
-def _stmt_break(analyser: Analyser, node: Any) -> Stmt:
+def _stmt_break(analyser: Analyser, node: Any) -> tree.Stmt:
     if not analyser.body.breakable:
         raise _no_way_out(analyser, "break", "a loop or switch", node)
-    return Jump("break", "", analyser.place(node))
+    return tree.Jump("break", "", analyser.place(node))
 
 
-def _stmt_continue(analyser: Analyser, node: Any) -> Stmt:
+def _stmt_continue(analyser: Analyser, node: Any) -> tree.Stmt:
     if not analyser.body.loops:
         raise _no_way_out(analyser, "continue", "a loop", node)
-    return Jump("continue", "", analyser.place(node))
+    return tree.Jump("continue", "", analyser.place(node))
 
 
-def _stmt_goto(analyser: Analyser, node: Any) -> Stmt:
+def _stmt_goto(analyser: Analyser, node: Any) -> tree.Stmt:
     if analyser.body.critical:
         raise analyser.fail("c-jump", "'goto' in a critical block is not supported", node)
     analyser.body.gotos.append((node.name, node))
-    return Jump("goto", node.name, analyser.place(node))
+    return tree.Jump("goto", node.name, analyser.place(node))
 
 
-def _stmt_return(analyser: Analyser, node: Any) -> Stmt:
+def _stmt_return(analyser: Analyser, node: Any) -> tree.Stmt:
     """Analyse a `return`, whose value is converted to the function's result type (ISO C 6.8.6.4)."""
     assert analyser.function is not None
     result = analyser.function.result
@@ -411,12 +398,12 @@ def _stmt_return(analyser: Analyser, node: Any) -> Stmt:
     expr = expression(analyser, node.expr)
     if isinstance(result, VoidType):
         if isinstance(expr.type, VoidType):
-            return Return(expr, place)
+            return tree.Return(expr, place)
         raise analyser.fail(
             "c-return", f"'{analyser.function.name}' returns void and cannot return a value", node
         )
     value = convert(analyser, expr, result, "the result")
-    if isinstance(value, AddressOf) and value.target.symbol.kind in ("local", "param"):
+    if isinstance(value, tree.AddressOf) and value.target.symbol.kind in ("local", "param"):
         analyser.reporter.warn(
             "c-local-address",
             f"'{value.target.symbol.name}' no longer exists after '{analyser.function.name}' returns",
@@ -426,27 +413,29 @@ def _stmt_return(analyser: Analyser, node: Any) -> Stmt:
     return _leaving(analyser, value, place)
 
 
-def _leaving(analyser: Analyser, value: Expr | None, place: Location) -> Stmt:
+def _leaving(analyser: Analyser, value: tree.Expr | None, place: Location) -> tree.Stmt:
     """Return a return statement; one in a critical block allows interrupts again once the value is
     computed.
     """
     if not analyser.body.critical:
-        return Return(value, place)
+        return tree.Return(value, place)
     allow = _allow_again(analyser, analyser.body.critical[0], place)
-    if value is None or isinstance(value, Num):
-        return BlockStatement([allow, Return(value, place)])
+    if value is None or isinstance(value, tree.Num):
+        return tree.BlockStatement([allow, tree.Return(value, place)])
     symbol = analyser.new_local("result", value.type, place)
-    target = Ref(symbol, 0, None, value.type, place)
-    return BlockStatement([ExprStmt(Assign(target, value, value.type, place)), allow, Return(target, place)])
+    target = tree.Ref(symbol, 0, None, value.type, place)
+    return tree.BlockStatement(
+        [tree.ExprStmt(tree.Assign(target, value, value.type, place)), allow, tree.Return(target, place)]
+    )
 
 
-def _stmt_pragma(analyser: Analyser, node: Any) -> Stmt:
-    return BlockStatement([])
+def _stmt_pragma(analyser: Analyser, node: Any) -> tree.Stmt:
+    return tree.BlockStatement([])
 
 
-def _stmt_static_assert(analyser: Analyser, node: Any) -> Stmt:
+def _stmt_static_assert(analyser: Analyser, node: Any) -> tree.Stmt:
     static_assertion(analyser, node)
-    return BlockStatement([])
+    return tree.BlockStatement([])
 
 
 def static_assertion(analyser: Analyser, node: Any) -> None:
@@ -455,7 +444,7 @@ def static_assertion(analyser: Analyser, node: Any) -> None:
         raise analyser.fail("c-user-message", "static assertion failed", node.cond)
 
 
-_STATEMENTS: dict[type, Callable[[Analyser, Any], Stmt]] = {
+_STATEMENTS: dict[type, Callable[[Analyser, Any], tree.Stmt]] = {
     c_ast.Break: _stmt_break,
     c_ast.Case: _stmt_case,
     c_ast.Compound: _stmt_compound,
