@@ -18,9 +18,7 @@ from servogen.pic.assembler.sections import EVERY_CHIP, read_place, read_script
 from servogen.pic.device import ASSEMBLED_DEVICES
 from servogen.pic.device import device as device_named
 from servogen.pic.disassembler import disassemble as disassembled
-from servogen.programs import (
-    read_assembly,
-)
+from servogen.programs import read_assembly
 
 ListingFile = Annotated[Path | None, typer.Option("--listing", help="Write the listing as well (.lst).")]
 

@@ -14,10 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from servogen.cli.options import (
-    JobFile,
-    Json,
-)
+from servogen.cli.options import JobFile, Json
 from servogen.cli.show import as_json, print_lines, status, table, warn_of_all
 from servogen.cli.widths import width_table
 from servogen.engines.firmware import ResourceError
@@ -28,13 +25,7 @@ from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES
 from servogen.plan_error import plan_text
 from servogen.report.text import timing_budgets_text
 from servogen.units import counted
-from servogen.workflows.certificates import (
-    CertificateVerdict,
-    beside,
-    checked,
-    kept,
-    proved,
-)
+from servogen.workflows.certificates import CertificateVerdict, beside, checked, kept, proved
 from servogen.workflows.job_build import Build, hex_name, program_facts, write
 from servogen.workflows.job_build import build as built
 from servogen.workflows.pair import build_pair, write_pair

@@ -12,18 +12,10 @@ from typing import Annotated
 
 import typer
 
-from servogen.cli.drive_line import (
-    Baud,
-    First,
-    Port,
-    RangeUs,
-)
+from servogen.cli.drive_line import Baud, First, Port, RangeUs
 from servogen.cli.options import JobFile, Json
 from servogen.cli.show import as_json, next_step, table, warn
-from servogen.drive.commands import (
-    QUIT,
-    LineCommands,
-)
+from servogen.drive.commands import QUIT, LineCommands
 from servogen.drive.controller import ControllerChannel, controller_of
 from servogen.drive.serial_link import NullWire, SerialLink, Time, VirtualTime, port_opener
 from servogen.drive.sweep import Ask, Sweep, ask_from, positions, refusals, servo_index, sweep_readings

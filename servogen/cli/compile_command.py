@@ -19,13 +19,7 @@ from servogen.compiler.diagnostics import WARNINGS
 from servogen.compiler.passes.manager import PASSES
 from servogen.errors import InputError, Location, did_you_mean
 from servogen.isolation import COMPILING, PATIENCE, WorkLimits
-from servogen.programs import (
-    beside_c,
-    devices_of,
-    dialect_of,
-    included_names,
-    read_source,
-)
+from servogen.programs import beside_c, devices_of, dialect_of, included_names, read_source
 from servogen.units import counted
 
 ListingFile = Annotated[Path | None, typer.Option("--listing", help="Write the listing as well (.lst).")]

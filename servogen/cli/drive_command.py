@@ -11,12 +11,7 @@ from typing import Annotated
 import typer
 
 from servogen import INTERRUPTED
-from servogen.cli.drive_line import (
-    KEYS_HELP,
-    WireOptions,
-    command_source,
-    was_interrupted,
-)
+from servogen.cli.drive_line import KEYS_HELP, WireOptions, command_source, was_interrupted
 from servogen.cli.options import JobFile, Json, duration
 from servogen.cli.show import as_json, json_line, warn
 from servogen.drive.controller import ServoController, controller_of

@@ -12,15 +12,7 @@ from typing import Annotated
 import typer
 
 from servogen.cli.options import baud_option
-from servogen.drive.commands import (
-    KEYS,
-    CommandSource,
-    Keys,
-    LineCommands,
-    NoCommands,
-    script,
-    terminal_keys,
-)
+from servogen.drive.commands import KEYS, CommandSource, Keys, LineCommands, NoCommands, script, terminal_keys
 
 KEYS_HELP = (
     "w a s d or the arrows, q e sideways, 1 to 9 poses, space stops, x ends; "

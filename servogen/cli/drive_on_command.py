@@ -10,16 +10,9 @@ from contextlib import ExitStack
 import typer
 
 from servogen import INTERRUPTED
-from servogen.cli.drive_line import (
-    WALK_KEYS_HELP,
-    WireOptions,
-    command_source,
-    was_interrupted,
-)
+from servogen.cli.drive_line import WALK_KEYS_HELP, WireOptions, command_source, was_interrupted
 from servogen.cli.show import as_json, json_line
-from servogen.drive.commands import (
-    WALK_KEYS,
-)
+from servogen.drive.commands import WALK_KEYS
 from servogen.drive.on_command import CommandedDrive, CommandedFrame, Twin, line_baud
 from servogen.drive.serial_link import SerialLink, Time, VirtualTime, port_opener
 from servogen.engines.inputs.commands import CommandLine

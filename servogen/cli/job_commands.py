@@ -8,10 +8,7 @@ from typing import Annotated
 
 import typer
 
-from servogen.cli.options import (
-    JobFile,
-    Json,
-)
+from servogen.cli.options import JobFile, Json
 from servogen.cli.show import as_json, print_lines, status, warn_of_all
 from servogen.cli.widths import width_table
 from servogen.errors import InputError, Location

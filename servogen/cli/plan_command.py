@@ -9,13 +9,7 @@ from typing import Annotated
 
 import typer
 
-from servogen.cli.options import (
-    Animate,
-    Csv,
-    JobFile,
-    Json,
-    Plot,
-)
+from servogen.cli.options import Animate, Csv, JobFile, Json, Plot
 from servogen.cli.show import as_json, next_step, print_lines, status, table, warn_of_all
 from servogen.errors import ServogenError
 from servogen.job import Job, PlannedJob, load, plan_job

@@ -12,14 +12,7 @@ import typer
 from servogen.cli.contracts import ContractProofRequest, run_contract_proof
 from servogen.cli.files import read_program
 from servogen.cli.options import ClockHz, Json, OwnDevice
-from servogen.cli.schedule_proof import (
-    NOT_PROVEN,
-    PROVEN,
-    Claim,
-    Over,
-    check_complete,
-    prove_schedule,
-)
+from servogen.cli.schedule_proof import NOT_PROVEN, PROVEN, Claim, Over, check_complete, prove_schedule
 from servogen.cli.show import as_json, print_lines, status
 from servogen.errors import InputError, Location
 from servogen.job import load, plan_job

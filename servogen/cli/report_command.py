@@ -8,13 +8,7 @@ from typing import Annotated
 
 import typer
 
-from servogen.cli.options import (
-    CaptureRate,
-    JobFile,
-    Json,
-    Partial,
-    RecordedWires,
-)
+from servogen.cli.options import CaptureRate, JobFile, Json, Partial, RecordedWires
 from servogen.cli.show import as_json, next_step, status
 from servogen.errors import InputError, Location
 from servogen.job import PlannedJob, load, plan_job

@@ -12,14 +12,7 @@ import typer
 
 from servogen.cli.chip_options import ChipOptions
 from servogen.cli.files import check_outputs, read_program
-from servogen.cli.options import (
-    MAX_CYCLES,
-    ClockHz,
-    Json,
-    OwnDevice,
-    Seconds,
-    StimulusFile,
-)
+from servogen.cli.options import MAX_CYCLES, ClockHz, Json, OwnDevice, Seconds, StimulusFile
 from servogen.cli.show import as_json, next_step, progress, table, warn_of_all
 from servogen.edges import EdgeChunk, EdgeTrace
 from servogen.errors import InputError

@@ -9,11 +9,7 @@ from typing import Annotated
 import typer
 
 from servogen.cli.files import check_outputs, read_image
-from servogen.cli.options import (
-    Dialect,
-    JobFile,
-    Json,
-)
+from servogen.cli.options import Dialect, JobFile, Json
 from servogen.cli.show import as_json, status, table
 from servogen.compiler import Source
 from servogen.job import load, plan_job

@@ -10,14 +10,7 @@ from typing import Annotated
 import typer
 
 from servogen.cli.chip_options import ChipOptions
-from servogen.cli.options import (
-    ClockHz,
-    OpensBrowser,
-    OwnDevice,
-    RecordedWires,
-    ServerPort,
-    StimulusFile,
-)
+from servogen.cli.options import ClockHz, OpensBrowser, OwnDevice, RecordedWires, ServerPort, StimulusFile
 from servogen.cli.page_server import require_server, serve_until_ctrl_c
 from servogen.cli.show import warn
 from servogen.drive.serial_link import port_opener

@@ -1,6 +1,6 @@
 """A debug adapter: editors debug the simulated chip, forwards and backwards (Debug Adapter Protocol)."""
 
-from servogen.dap.protocol import Messages, ProtocolError, read_message, serve, written
+from servogen.dap.protocol import Messages, serve
 from servogen.dap.session import DebugSession, Loaded
 
-__all__ = ["DebugSession", "Loaded", "Messages", "ProtocolError", "read_message", "serve", "written"]
+__all__ = ["DebugSession", "Loaded", "Messages", "serve"]

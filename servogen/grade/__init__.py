@@ -3,10 +3,10 @@
 from servogen.grade.checks import ChipFacts, Fault
 from servogen.grade.display import message, page_names, shell_word, shown_name, visible
 from servogen.grade.handout import handout_html, handout_markdown
-from servogen.grade.judge import Grade, Row, judge, refused
-from servogen.grade.lab import Check, Lab, load_lab, names
+from servogen.grade.judge import Grade, judge, refused
+from servogen.grade.lab import Check, Lab, load_lab
 from servogen.grade.page import page
-from servogen.grade.submissions import Submission, Submissions, find_submissions
+from servogen.grade.submissions import Submission, find_submissions
 
 __all__ = [
     "Check",
@@ -14,16 +14,13 @@ __all__ = [
     "Fault",
     "Grade",
     "Lab",
-    "Row",
     "Submission",
-    "Submissions",
     "find_submissions",
     "handout_html",
     "handout_markdown",
     "judge",
     "load_lab",
     "message",
-    "names",
     "page",
     "page_names",
     "refused",

@@ -1,13 +1,12 @@
 """Job file -> `Job`: chip, servos, motion and frame, checked; `Job` -> `PlannedJob`: its trajectory."""
 
-from servogen.job.job import FirmwareSettings, Job, PlannedJob
+from servogen.job.job import Job, PlannedJob
 from servogen.job.plan import plan_job
 from servogen.job.reader import calibrated, load, loads
 from servogen.job.starter import KINDS, starter, template, usual_servo
 
 __all__ = [
     "KINDS",
-    "FirmwareSettings",
     "Job",
     "PlannedJob",
     "calibrated",

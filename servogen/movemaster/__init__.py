@@ -1,16 +1,14 @@
 """The arm command language: from the text of a program to the trajectory of the arm that it moves."""
 
 from servogen.movemaster.arm import Hand, Manipulator, manipulator
-from servogen.movemaster.memory import Output, PortInput, input_of
-from servogen.movemaster.parser import ParsedProgram, parse, read
+from servogen.movemaster.memory import PortInput, input_of
+from servogen.movemaster.parser import parse, read
 from servogen.movemaster.run import Budget, ProgramRun, run
 
 __all__ = [
     "Budget",
     "Hand",
     "Manipulator",
-    "Output",
-    "ParsedProgram",
     "PortInput",
     "ProgramRun",
     "input_of",

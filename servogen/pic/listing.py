@@ -9,14 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from servogen.pic.device import (
-    INTERRUPT_VECTOR,
-    PROGRAM_WORDS,
-    RAM_BYTES,
-    RAM_FIRST,
-    RAM_LAST,
-    RESET_VECTOR,
-)
+from servogen.pic.device import INTERRUPT_VECTOR, PROGRAM_WORDS, RAM_BYTES, RAM_FIRST, RAM_LAST, RESET_VECTOR
 from servogen.pic.isa import decode
 
 VECTORS = {RESET_VECTOR: "reset", INTERRUPT_VECTOR: "interrupt"}

@@ -13,15 +13,7 @@ from hashlib import sha256
 from servogen.edges import PINS
 from servogen.pic.device import EEPROM_BYTES, RAM_FIRST, RAM_LAST, registers
 from servogen.pic.image import Image
-from servogen.prove.chip import (
-    ALL_UNKNOWN,
-    BASE,
-    CELL_MASK_SHIFT,
-    CELL_PHASED,
-    FIELD,
-    FREE_BYTES,
-    UNCERTAIN,
-)
+from servogen.prove.chip import ALL_UNKNOWN, BASE, CELL_MASK_SHIFT, CELL_PHASED, FIELD, FREE_BYTES, UNCERTAIN
 from servogen.prove.commands import AT_REST, COUNT, OFF_REST, ON_REST
 from servogen.prove.prover import Proof
 from servogen.prove.specification import BEFORE, IN_FRAME, OVER, SpecState

@@ -9,14 +9,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from servogen.edges import PINS
-from servogen.pulse.schedule import (
-    CodeLine,
-    CommandRule,
-    DirectionButtons,
-    Input,
-    PulseSchedule,
-    StepButton,
-)
+from servogen.pulse.schedule import CodeLine, CommandRule, DirectionButtons, Input, PulseSchedule, StepButton
 
 AT_REST = 0
 """`heard` once the line has been at rest long enough for a code to begin. Values from 1 to 63 are a 1

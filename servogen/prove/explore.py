@@ -14,14 +14,7 @@ from enum import Enum
 from operator import ge
 
 from servogen.prove.chip import FIELD, AbstractChip, AssumedBits, ChipState, Reason, RunOutcome, Use
-from servogen.prove.forks import (
-    ALONE,
-    Choices,
-    PreparedProgram,
-    before_instruction,
-    ways_of,
-    ways_of_latches,
-)
+from servogen.prove.forks import ALONE, Choices, PreparedProgram, before_instruction, ways_of, ways_of_latches
 from servogen.prove.generalise import Generaliser
 from servogen.prove.nodes import Decision, Node
 from servogen.prove.quantifiers import Quantifiers

@@ -14,15 +14,7 @@ from itertools import product
 from servogen.pic.device import BOTH_BANKS, RAM_FIRST, RAM_LAST, addresses, masks, registers
 from servogen.pic.image import Image
 from servogen.pic.isa import Decoded, decode
-from servogen.prove.chip import (
-    CELL_MASK_SHIFT,
-    CELL_PHASED,
-    UNCERTAIN,
-    WRITTEN,
-    AssumedBits,
-    ChipState,
-    Use,
-)
+from servogen.prove.chip import CELL_MASK_SHIFT, CELL_PHASED, UNCERTAIN, WRITTEN, AssumedBits, ChipState, Use
 from servogen.simulator import layout
 
 INDF, TMR0, STATUS, PORTA = addresses("INDF", "TMR0", "STATUS", "PORTA")

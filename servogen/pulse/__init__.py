@@ -1,13 +1,5 @@
 """Trajectory -> `PulseSchedule` in integer cycles, its expected edges, and the checks of pulses."""
 
-from servogen.pulse.lint import (
-    check_calibration,
-    check_measured,
-    check_motion,
-    check_period,
-    check_periods,
-    check_widths,
-)
 from servogen.pulse.plan import PulsePlan, plan
 from servogen.pulse.quantise import Quantised
 from servogen.pulse.schedule import Channel, Pulse, PulseSchedule, Run, from_json
@@ -21,12 +13,6 @@ __all__ = [
     "PulseSchedule",
     "Quantised",
     "Run",
-    "check_calibration",
-    "check_measured",
-    "check_motion",
-    "check_period",
-    "check_periods",
-    "check_widths",
     "from_json",
     "plan",
 ]

@@ -52,4 +52,4 @@ def read(path: Path) -> RecordedMotion:
     return READERS[path.suffix.lower()](text, str(path))
 
 
-__all__ = ["READERS", "RecordedMotion", "read"]
+__all__ = ["RecordedMotion", "read"]

@@ -21,14 +21,7 @@ from servogen.motion.gait.quasistatic import rigid_body_path
 from servogen.motion.loads import MIN_LEGS
 from servogen.motion.trajectory import Floats
 from servogen.pulse import PulsePlan
-from servogen.report.tracks import (
-    EndError,
-    Track,
-    end_errors,
-    end_tracks,
-    largest_error,
-    standing_feet,
-)
+from servogen.report.tracks import EndError, Track, end_errors, end_tracks, largest_error, standing_feet
 from servogen.robot.servo import Servo
 
 if TYPE_CHECKING:

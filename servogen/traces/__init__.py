@@ -4,13 +4,12 @@
 `read_edges` gives an EdgeTrace that reads the file, chunk by chunk, each time it is iterated.
 """
 
-from servogen.traces.formats import SUFFIXES, EdgeWriter, edge_writer, read_edges, recorded, write_edges
+from servogen.traces.formats import SUFFIXES, edge_writer, read_edges, recorded, write_edges
 from servogen.traces.inputs import NO_INPUTS, Inputs
 
 __all__ = [
     "NO_INPUTS",
     "SUFFIXES",
-    "EdgeWriter",
     "Inputs",
     "edge_writer",
     "read_edges",

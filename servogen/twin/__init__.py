@@ -3,21 +3,17 @@
 In: a planned job, its firmware. Out: `TwinVerdict`. MuJoCo is the extra `twin`.
 """
 
-from servogen.twin.bodies import Bodies, bodies
 from servogen.twin.ground import Ground
 from servogen.twin.mjcf import Variation
 from servogen.twin.planned import planned_of
-from servogen.twin.run import Record, TwinSettings, simulate
+from servogen.twin.run import TwinSettings, simulate
 from servogen.twin.verdict import TwinVerdict, verdict_of
 
 __all__ = [
-    "Bodies",
     "Ground",
-    "Record",
     "TwinSettings",
     "TwinVerdict",
     "Variation",
-    "bodies",
     "planned_of",
     "simulate",
     "verdict_of",

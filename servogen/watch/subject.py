@@ -38,14 +38,7 @@ from servogen.traces.captures import Capture, is_capture, read_capture
 from servogen.traces.formats import read_edges
 from servogen.units import Clock, Cycles
 from servogen.verify.capture.check import split
-from servogen.watch.differences import (
-    ScheduledEdges,
-    differences,
-    differing,
-    first_rise,
-    spans,
-    wanted_of,
-)
+from servogen.watch.differences import ScheduledEdges, differences, differing, first_rise, spans, wanted_of
 from servogen.workflows.certificates import beside, kept
 from servogen.workflows.engines import planned
 from servogen.workflows.pair import planned_pair

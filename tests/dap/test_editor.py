@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from servogen.dap import DebugSession, ProtocolError, read_message, written
+from servogen.dap import DebugSession
+from servogen.dap.protocol import ProtocolError, read_message, written
 
 pytest.importorskip("dap", reason="the client is of the extra dev")
 

@@ -4,14 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from servogen.debug.breakpoints import (
-    AtAddress,
-    AtCondition,
-    AtEdge,
-    _writers,
-    first_stop,
-    parse_breakpoint,
-)
+from servogen.debug.breakpoints import AtAddress, AtCondition, AtEdge, _writers, first_stop, parse_breakpoint
 from servogen.debug.pins import explain_pin
 from servogen.debug.symbols import ListedLine, Variable, current_line, line_at, routine, variable
 from servogen.debug.time_machine import TimeMachine

@@ -28,13 +28,7 @@ from servogen.drive.on_command import CommandedDrive, CommandedFrame, Twin
 from servogen.drive.serial_link import VirtualTime
 from servogen.edges import PINS
 from servogen.engines.inputs.buttons import ButtonPin
-from servogen.engines.inputs.commands import (
-    CommandButton,
-    CommandButtons,
-    Commander,
-    CommandLine,
-    uart_byte,
-)
+from servogen.engines.inputs.commands import CommandButton, CommandButtons, Commander, CommandLine, uart_byte
 from servogen.engines.player.script import DirectionPlaces
 from servogen.errors import InputError
 from servogen.pic.device import RAM_FIRST

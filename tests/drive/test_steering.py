@@ -13,12 +13,7 @@ import numpy as np
 import pytest
 
 from servogen.drive import steering as module
-from servogen.drive.commands import (
-    KeyCommands,
-    LineCommands,
-    commands_in,
-    terminal_keys,
-)
+from servogen.drive.commands import KeyCommands, LineCommands, commands_in, terminal_keys
 from servogen.drive.steering import Rates, Steering, WalkController, steering_of
 from servogen.errors import InputError, ToolError
 from servogen.job import PlannedJob, load, loads, plan_job

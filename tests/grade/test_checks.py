@@ -31,16 +31,7 @@ from servogen.grade.checks import (
 )
 from servogen.grade.lab import Check, Lab, Solution, TaskPosition
 from servogen.grade.points import CheckState, headline, max_total, number, outcomes, total
-from servogen.grade.watch import (
-    MAX_EDGES,
-    Commanded,
-    PinPulses,
-    Visit,
-    Watched,
-    visits,
-    watch,
-    without_moves,
-)
+from servogen.grade.watch import MAX_EDGES, Commanded, PinPulses, Visit, Watched, visits, watch, without_moves
 from servogen.pulse.lint import PERIOD_US
 from servogen.units import Clock, Cycles
 from tests.grade.test_judge import RIGHT, grade, pulses

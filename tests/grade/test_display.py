@@ -12,16 +12,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from servogen.grade import (
-    load_lab,
-    message,
-    page,
-    page_names,
-    refused,
-    shell_word,
-    shown_name,
-    visible,
-)
+from servogen.grade import load_lab, message, page, page_names, refused, shell_word, shown_name, visible
 from servogen.grade.display import markdown
 from tests.bench.conftest import START, Run, run  # noqa: F401 - a fixture
 from tests.campaigns import sampled

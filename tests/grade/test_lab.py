@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from servogen.errors import InputError
-from servogen.grade import Check, Grade, load_lab, names, refused
-from servogen.grade.lab import Lab, PointsTable, TaskPosition
+from servogen.grade import Check, Grade, load_lab, refused
+from servogen.grade.lab import Lab, PointsTable, TaskPosition, names
 from servogen.grade.points import CHECK_TITLES, max_total, outcomes, total
 
 LAB = """

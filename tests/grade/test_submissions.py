@@ -11,7 +11,8 @@ import pytest
 
 from servogen.cli.grade_commands import IMAGES, SOURCES
 from servogen.errors import Diagnostic, InputError, Location
-from servogen.grade import Submission, Submissions, find_submissions, load_lab, submissions
+from servogen.grade import Submission, find_submissions, load_lab, submissions
+from servogen.grade.submissions import Submissions
 from servogen.isolation import WorkLimits
 from servogen.programs import read_submission
 from servogen.workflows.grading import GradingTask, grade_submissions

@@ -23,9 +23,7 @@ from servogen.kinematics.forward import fk, fk_position, joint_array, link_frame
 from servogen.kinematics.inverse.configuration import configuration_of, has_roll, ik_of_configuration
 from servogen.kinematics.inverse.solve import SAME, ik, ik_all, solve, sorted_without_doubles
 from servogen.kinematics.inverse.unreachable import Unreachable
-from servogen.kinematics.jacobian import (
-    singularity,
-)
+from servogen.kinematics.jacobian import singularity
 from servogen.kinematics.leg import Leg
 from servogen.kinematics.symbolic import text_of
 from servogen.kinematics.urdf import from_urdf, to_urdf

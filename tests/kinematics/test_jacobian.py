@@ -8,12 +8,7 @@ import pytest
 from servogen.errors import InputError
 from servogen.kinematics.catalogue import arm
 from servogen.kinematics.forward import fk, fk_position, link_frames
-from servogen.kinematics.jacobian import (
-    jacobian,
-    manipulability,
-    singularity,
-    static_torques,
-)
+from servogen.kinematics.jacobian import jacobian, manipulability, singularity, static_torques
 
 STEP = 1e-6
 

@@ -11,12 +11,7 @@ from servogen.errors import InputError
 from servogen.kinematics.catalogue import arm
 from servogen.kinematics.forward import fk
 from servogen.kinematics.jacobian import jacobian
-from servogen.kinematics.symbolic import (
-    SymbolicKinematics,
-    symbolic_fk,
-    symbolic_jacobian,
-    text_of,
-)
+from servogen.kinematics.symbolic import SymbolicKinematics, symbolic_fk, symbolic_jacobian, text_of
 from servogen.robot.model import DHRow, Length
 
 # what the specification prints, with the joints' and lengths' names

@@ -7,17 +7,14 @@ from typing import Any
 import pytest
 
 from servogen.errors import InputError, Location
-from servogen.pic.assembler import (
-    Here,
-    Name,
-    Number,
+from servogen.pic.assembler.expressions import Here, Name, Number, spelling
+from servogen.pic.assembler.instructions import (
     ParsedInstruction,
     encode_instruction,
     mnemonics,
     parse_line,
+    takes_label,
 )
-from servogen.pic.assembler.expressions import spelling
-from servogen.pic.assembler.instructions import takes_label
 
 PLAIN = [
     ("addwf 0x20, 0", 0x0720), ("addwf 0x20, 1", 0x07A0), ("andwf 0x20, w", 0x0520),

@@ -9,8 +9,9 @@ import random
 import pytest
 
 from servogen.errors import InputError, Location
-from servogen.pic.assembler import assemble, parse_line
+from servogen.pic.assembler import assemble
 from servogen.pic.assembler.header import HEADERS, header_device, header_text
+from servogen.pic.assembler.instructions import parse_line
 from servogen.pic.assembler.messages import MAX_ERRORS, muted_by
 from servogen.pic.device import ASSEMBLED_DEVICES, DEVICES, PIC16C84, device
 

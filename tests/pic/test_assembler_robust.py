@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from servogen.errors import InputError
-from servogen.pic.assembler import assemble, mnemonics
+from servogen.pic.assembler import assemble
 from servogen.pic.assembler.control import CONTROL
 from servogen.pic.assembler.definitions import DEFINITIONS
+from servogen.pic.assembler.instructions import mnemonics
 from servogen.pic.assembler.layout import LAYOUT
 from servogen.pic.assembler.settings import SETTINGS
 

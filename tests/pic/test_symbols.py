@@ -17,18 +17,7 @@ from servogen.pic.image import Image, to_hex
 from servogen.programs import Program, read_program, read_submission
 from servogen.testing.chip import Board, Chip
 from servogen.units import Clock
-from tests.pic.symbol_files import (
-    BESIDE,
-    CMF,
-    COF,
-    MAP,
-    ROWS,
-    SOURCE,
-    SYM,
-    cod_of,
-    elf_of,
-    image_of,
-)
+from tests.pic.symbol_files import BESIDE, CMF, COF, MAP, ROWS, SOURCE, SYM, cod_of, elf_of, image_of
 
 needs_gpasm = pytest.mark.skipif(shutil.which("gpasm") is None, reason="gpasm is not installed")
 

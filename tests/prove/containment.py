@@ -24,13 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from servogen.pic.device import (
-    CONFIG_OSCILLATOR_MASK,
-    CONFIG_WATCHDOG_ON,
-    OSCILLATORS,
-    RAM_FIRST,
-    RAM_LAST,
-)
+from servogen.pic.device import CONFIG_OSCILLATOR_MASK, CONFIG_WATCHDOG_ON, OSCILLATORS, RAM_FIRST, RAM_LAST
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
 from servogen.prove.chip import (

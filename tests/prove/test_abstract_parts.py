@@ -7,13 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from servogen.prove.chip import (
-    FIELD,
-    AbstractChip,
-    AssumedBits,
-    ChipState,
-    Reason,
-)
+from servogen.prove.chip import FIELD, AbstractChip, AssumedBits, ChipState, Reason
 from servogen.simulator import SimulatorOptions
 from tests.prove.test_abstract import chip_of
 from tests.simulator.helpers import CLOCK, image

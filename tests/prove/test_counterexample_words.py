@@ -16,15 +16,7 @@ import pytest
 from servogen.edges import PINS, edge_chunk
 from servogen.pic.image import Image
 from servogen.prove import counterexample
-from servogen.prove.certificate import (
-    _column,
-    _heard,
-    _is_settled,
-    _place,
-    _row,
-    certificate,
-    image_digest,
-)
+from servogen.prove.certificate import _column, _heard, _is_settled, _place, _row, certificate, image_digest
 from servogen.prove.chip import BASE, FIELD, FIELDS, AssumedBits
 from servogen.prove.counterexample import (
     Case,

@@ -10,14 +10,7 @@ from servogen.pic.device import RAM_FIRST
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
 from servogen.prove.chip import CELL_PHASED, FIELD, FIELDS, WRITTEN, AssumedBits, ChipState, Use
-from servogen.prove.forks import (
-    ALONE,
-    MAX_CHOICES,
-    Choices,
-    PreparedProgram,
-    before_instruction,
-    ways_of,
-)
+from servogen.prove.forks import ALONE, MAX_CHOICES, Choices, PreparedProgram, before_instruction, ways_of
 from servogen.simulator import layout
 
 STATUS, FSR, PORTA, PORTB, EEDATA, EEADR, INTCON = 3, 4, 5, 6, 8, 9, 11

@@ -10,15 +10,7 @@ import pytest
 
 from servogen.edges import PINS
 from servogen.prove.commands import ButtonCommands, OneButton, SerialCodes, WalkCommands, reader_of
-from servogen.prove.specification import (
-    BEFORE,
-    IN_FRAME,
-    OVER,
-    Edge,
-    Specification,
-    SpecState,
-    Violation,
-)
+from servogen.prove.specification import BEFORE, IN_FRAME, OVER, Edge, Specification, SpecState, Violation
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import (
     ButtonRule,

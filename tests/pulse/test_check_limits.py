@@ -10,9 +10,16 @@ import pytest
 
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.plan_error import PlanError
-from servogen.pulse import Frame, check_calibration, check_measured, check_motion, check_period, check_periods
-from servogen.pulse import check_widths as check
-from servogen.pulse.lint import check_unknown
+from servogen.pulse import Frame
+from servogen.pulse.lint import (
+    check_calibration,
+    check_measured,
+    check_motion,
+    check_period,
+    check_periods,
+    check_unknown,
+)
+from servogen.pulse.lint import check_widths as check
 from servogen.pulse.quantise import NO_PULSE, channel_error, error_of_rows, largest, quantise
 from servogen.pulse.slots import rises
 from servogen.robot.servo import Servo, calibration, servo

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from servogen.errors import Diagnostic
-from servogen.pulse import check_calibration, check_measured, check_motion, check_period, check_periods
-from servogen.pulse import check_widths as check
+from servogen.pulse.lint import check_calibration, check_measured, check_motion, check_period, check_periods
+from servogen.pulse.lint import check_widths as check
 from servogen.robot.servo import calibration, servo
 from servogen.robot.servo_models import FactKeys, servo_model
 from servogen.units import Clock

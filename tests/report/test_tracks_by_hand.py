@@ -17,14 +17,7 @@ from servogen.kinematics.leg_kinds import LEG_KINDS
 from servogen.pulse import Channel, Pulse, PulseSchedule, Run
 from servogen.report import robot_model
 from servogen.report.drawing import PALETTE
-from servogen.report.tracks import (
-    EndError,
-    Track,
-    end_errors,
-    error_rows,
-    largest_error,
-    made_angles,
-)
+from servogen.report.tracks import EndError, Track, end_errors, error_rows, largest_error, made_angles
 from servogen.units import Clock, Cycles
 
 JOBS = Path(__file__).parents[2] / "jobs"

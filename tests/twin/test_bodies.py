@@ -14,8 +14,8 @@ from servogen.kinematics.catalogue import arm, robot
 from servogen.kinematics.forward import fk_position
 from servogen.kinematics.hexapod import Hexapod, feet
 from servogen.kinematics.statics import gravity_torques
-from servogen.twin import Ground, TwinSettings, Variation, bodies
-from servogen.twin.bodies import FOOT_RADIUS_M
+from servogen.twin import Ground, TwinSettings, Variation
+from servogen.twin.bodies import FOOT_RADIUS_M, bodies
 from servogen.twin.causes import EventKind
 from tests.campaigns import sampled
 from tests.twin.walking import JOBS, firmware

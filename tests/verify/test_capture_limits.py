@@ -10,10 +10,7 @@ import pytest
 from servogen.edges import PINS, Expected, ExpectedChannel
 from servogen.errors import Diagnostic
 from servogen.units import Clock, Cycles
-from servogen.verify.capture.alignment import (
-    FittedLine,
-    PairedSignals,
-)
+from servogen.verify.capture.alignment import FittedLine, PairedSignals
 from servogen.verify.capture.judge import Judged, TimeScale, judge
 from servogen.verify.capture.verdict import (
     CapturedChannel,

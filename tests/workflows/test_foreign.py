@@ -20,12 +20,7 @@ from servogen.job import PlannedJob, load, plan_job
 from servogen.pic.device import device
 from servogen.pic.image import Image, to_hex
 from servogen.workflows.engines import PlayedJob, planned
-from servogen.workflows.retarget import (
-    Added,
-    Tuned,
-    _Write,
-    tune_to,
-)
+from servogen.workflows.retarget import Added, Tuned, _Write, tune_to
 from servogen.workflows.verification import checked_cycles, judge_edges, running
 from tests.campaigns import sampled
 from tests.workflows.other_compilers import other_compiler, sdcc, sdcc_compiled

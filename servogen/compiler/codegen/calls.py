@@ -15,13 +15,7 @@ from servogen.compiler.codegen.expressions import effect, into
 from servogen.compiler.codegen.generator import Division, FunctionGenerator
 from servogen.compiler.codegen.operands import apart, operands_of, pair, preserved, widen
 from servogen.compiler.codegen.operators import to_w
-from servogen.compiler.codegen.routines import (
-    halvings,
-    is_byte,
-    is_power_of_two,
-    negative,
-    quotient,
-)
+from servogen.compiler.codegen.routines import halvings, is_byte, is_power_of_two, negative, quotient
 from servogen.compiler.ir.function import Function
 from servogen.compiler.ir.instruction import Byte, Imm, Loc, Operand
 

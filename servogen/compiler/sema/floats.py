@@ -20,16 +20,7 @@ from servogen.compiler.ast.float_values import (
     whole_part,
 )
 from servogen.compiler.ast.nodes import EQUAL, GREATER, LESS, Binary, Builtin, Cast, Expr, Num
-from servogen.compiler.ast.types import (
-    S16,
-    S32,
-    U8,
-    U16,
-    U32,
-    CType,
-    FloatType,
-    IntType,
-)
+from servogen.compiler.ast.types import S16, S32, U8, U16, U32, CType, FloatType, IntType
 from servogen.compiler.sema.analyser import Analyser
 from servogen.errors import Location
 

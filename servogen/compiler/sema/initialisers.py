@@ -12,16 +12,7 @@ from typing import Any, NamedTuple
 from pycparser import c_ast
 
 from servogen.compiler.ast import nodes as tree
-from servogen.compiler.ast.types import (
-    U8,
-    ArrayType,
-    CType,
-    IntType,
-    PointerType,
-    StructType,
-    VoidType,
-    same,
-)
+from servogen.compiler.ast.types import U8, ArrayType, CType, IntType, PointerType, StructType, VoidType, same
 from servogen.compiler.sema.accessors import store
 from servogen.compiler.sema.analyser import Analyser
 from servogen.compiler.sema.conversions import convert

@@ -26,13 +26,7 @@ from servogen.compiler.sema.analyser import Analyser, Dispatch, ReadFile
 from servogen.compiler.sema.builtins import builtin, builtin_names
 from servogen.compiler.sema.condition_checks import enumerated_names
 from servogen.compiler.sema.declarations import compound_literal, declare, declare_function
-from servogen.compiler.sema.expressions import (
-    assignment,
-    binary_op,
-    cast_expression,
-    ternary_op,
-    unary_op,
-)
+from servogen.compiler.sema.expressions import assignment, binary_op, cast_expression, ternary_op, unary_op
 from servogen.compiler.sema.lint import check_statics
 from servogen.compiler.sema.lvalues import array_ref, func_call, struct_ref
 from servogen.compiler.sema.names import expression_list, identifier, literal

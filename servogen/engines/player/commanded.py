@@ -19,19 +19,10 @@ from itertools import pairwise
 import numpy as np
 
 from servogen.engines.firmware import ResourceError
-from servogen.engines.inputs.commands import (
-    Commander,
-)
+from servogen.engines.inputs.commands import Commander
 from servogen.engines.player.encoding import Encoded, row_table
 from servogen.engines.player.layout import Used, layout
-from servogen.engines.player.legs import (
-    LONGEST,
-    MAX_LEGS,
-    KeyedWalk,
-    keyed_walk,
-    played_steps,
-    walk_events,
-)
+from servogen.engines.player.legs import LONGEST, MAX_LEGS, KeyedWalk, keyed_walk, played_steps, walk_events
 from servogen.engines.player.playing import (
     NEAR,
     Playing,

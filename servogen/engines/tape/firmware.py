@@ -21,15 +21,7 @@ from servogen.engines.inputs.commands import CommandLine, hearing_table
 from servogen.engines.inputs.tape import HOLD, SDA
 from servogen.engines.player.firmware import cautions, timing_budgets
 from servogen.engines.player.layout import TICKS
-from servogen.engines.player.rendering import (
-    OVERRUN,
-    PRESCALER,
-    Constants,
-    Slots,
-    kernel,
-    listening,
-    looking,
-)
+from servogen.engines.player.rendering import OVERRUN, PRESCALER, Constants, Slots, kernel, listening, looking
 from servogen.engines.protocol import EngineJob
 from servogen.engines.tape.bus import Waits
 from servogen.engines.tape.content import END, FIRST, SEED

@@ -1,52 +1,15 @@
-"""The assembler: MPASM's language for the PIC16F84 and PIC16F84A, and one line of it for inline assembly.
+"""The assembler: MPASM's language for the PIC16F84 and PIC16F84A.
 
-`Assembly`, `assemble` and `beside` are imported when they are first used: the compiler needs only the line.
+The names are loaded on first use: the compiler needs only a line of it, for inline assembly (`instructions`).
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from servogen.pic.assembler.expressions import (
-    BinaryOperation,
-    Expression,
-    Here,
-    Name,
-    Number,
-    String,
-    SymbolScope,
-    UnaryOperation,
-    evaluate,
-)
-from servogen.pic.assembler.instructions import (
-    ParsedInstruction,
-    ParsedLine,
-    encode_instruction,
-    mnemonics,
-    parse_line,
-)
-
 if TYPE_CHECKING:
     from servogen.pic.assembler.assembly import Assembly, assemble, beside
 
-__all__ = [
-    "Assembly",
-    "BinaryOperation",
-    "Expression",
-    "Here",
-    "Name",
-    "Number",
-    "ParsedInstruction",
-    "ParsedLine",
-    "String",
-    "SymbolScope",
-    "UnaryOperation",
-    "assemble",
-    "beside",
-    "encode_instruction",
-    "evaluate",
-    "mnemonics",
-    "parse_line",
-]
+__all__ = ["Assembly", "assemble", "beside"]
 
 
 def __getattr__(name: str) -> Any:

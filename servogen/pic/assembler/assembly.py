@@ -25,13 +25,7 @@ from servogen.pic.assembler.settings import SETTINGS
 from servogen.pic.assembler.source import lines_of
 from servogen.pic.assembler.state import Include, Pass, PlacedWords
 from servogen.pic.assembler.symbols import Symbols
-from servogen.pic.device import (
-    DEVICES,
-    PROGRAM_WORDS,
-    RAM_FIRST,
-    RAM_LAST,
-    Device,
-)
+from servogen.pic.device import DEVICES, PROGRAM_WORDS, RAM_FIRST, RAM_LAST, Device
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
 from servogen.pic.listing import Listing, ListingRow, routines

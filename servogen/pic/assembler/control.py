@@ -7,13 +7,7 @@ from collections.abc import Callable
 
 from servogen.errors import Diagnostic, InputError
 from servogen.pic.assembler.blocks import Condition, EndOfSource, ExitMacro, Macro
-from servogen.pic.assembler.header import (
-    HEADERS,
-    PIC_AS_HEADER,
-    header_device,
-    header_text,
-    pic_as_header,
-)
+from servogen.pic.assembler.header import HEADERS, PIC_AS_HEADER, header_device, header_text, pic_as_header
 from servogen.pic.assembler.messages import SourceError
 from servogen.pic.assembler.psect import begin, without_comments
 from servogen.pic.assembler.source import Statement, lines_of

@@ -49,14 +49,7 @@ from tests.compiler.random.program import (
     Var,
     Variable,
 )
-from tests.compiler.random.typing_rules import (
-    COMPARISONS,
-    common,
-    dims_of,
-    is_struct,
-    promote,
-    type_of,
-)
+from tests.compiler.random.typing_rules import COMPARISONS, common, dims_of, is_struct, promote, type_of
 
 PRELUDE = """
 #include <stdint.h>

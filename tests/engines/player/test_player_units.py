@@ -24,21 +24,12 @@ from servogen.engines.inputs.commands import (
 )
 from servogen.engines.player.encoding import WidthScale, row_table, shift_of
 from servogen.engines.player.firmware import cautions
-from servogen.engines.player.layout import (
-    Used,
-    _Frame,
-    layout,
-)
+from servogen.engines.player.layout import Used, _Frame, layout
 from servogen.engines.player.script import ScriptStep, StepTiming, script, timing
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
 from servogen.prove.commands import SerialCodes
-from servogen.pulse.schedule import (
-    CodeLine,
-    DirectionButtons,
-    Input,
-    StepButton,
-)
+from servogen.pulse.schedule import CodeLine, DirectionButtons, Input, StepButton
 from servogen.units import Clock, Cycles
 from tests.engines.player.player_jobs import job_text, sweep
 

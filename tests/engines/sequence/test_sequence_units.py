@@ -5,12 +5,7 @@ from __future__ import annotations
 import pytest
 
 from servogen.engines.c_text import AsmLine, assembly
-from servogen.engines.sequence.programs import (
-    START,
-    DelayPath,
-    Hold,
-    Overheads,
-)
+from servogen.engines.sequence.programs import START, DelayPath, Hold, Overheads
 from servogen.engines.sequence.sequencing import sequence
 from servogen.engines.sequence.waits import C2C_MAX, CALLS
 from servogen.errors import InputError
