@@ -27,8 +27,6 @@ FLAGS = (
     *("--disable-background-networking", "--disable-component-update", "--disable-sync", "--mute-audio"),
     *("--remote-debugging-port=0", "--disable-extensions", "--hide-scrollbars"),
 )
-GOES = ("navigated", "execution context")
-"""What Chromium answers to a script whose page goes before it has run."""
 WAIT_S = 300.0
 """Only what hangs waits so long."""
 
@@ -166,8 +164,8 @@ class Page:
         try:
             return self.run(script)
         except RuntimeError as error:
-            if not any(text in str(error).lower() for text in GOES):
-                raise
+            if not str(error).startswith("Runtime.evaluate: "):
+                raise  # the script's own
             return None
 
     def until(self, script: str) -> Any:
@@ -181,7 +179,7 @@ class Page:
         try:
             wait(true)
         except TimeoutError as error:
-            said = self.run("document.getElementById('said')?.textContent")
+            said = self.run("['status', 'said'].map(id => document.getElementById(id)?.textContent)")
             raise TimeoutError(f"{script}; {self.problems}; {said}") from error
         return found[0]
 
