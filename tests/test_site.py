@@ -100,7 +100,7 @@ def test_the_site_is_made_without_a_warning(tmp_path: Path) -> None:
 @mkdocs
 def test_links_that_lead_nowhere_fail_the_site(tmp_path: Path) -> None:
     """A page that is not there, and a heading that is not on its page."""
-    shutil.copytree(ROOT / "docs", tmp_path / "docs", ignore=shutil.ignore_patterns("*.gif"))
+    shutil.copytree(ROOT / "docs", tmp_path / "docs", ignore=shutil.ignore_patterns("*.gif", "__pycache__"))
     with (tmp_path / "docs" / "ci.md").open("a", encoding="utf-8") as page:
         page.write("\n[a](nowhere.md) [b](job.md#no-such-heading)\n")
     config = yaml.safe_load((ROOT / "mkdocs.yml").read_text())

@@ -16,6 +16,8 @@ from servogen.job import loads
 
 ROOT = Path(__file__).parents[2]
 TOY = Path(__file__).parent / "toy"
+BEING_WRITTEN = shutil.ignore_patterns("*.pyc.*", ".compiling-*")
+"""What another process of the tests has only for a moment in the folders of the package."""
 LAST = '        "stream": EngineEntry('
 LINE = (
     '        "toy": EngineEntry("servogen.engines.toy.engine", accepts=("a jumper",), '
@@ -48,7 +50,7 @@ engine = "toy"
 def four_engines(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A copy of servogen with the toy's package, its folder of templates and one line more."""
     folder = tmp_path_factory.mktemp("four")
-    shutil.copytree(ROOT / "servogen", folder / "servogen")
+    shutil.copytree(ROOT / "servogen", folder / "servogen", ignore=BEING_WRITTEN)
     shutil.copytree(ROOT / "templates", folder / "templates")
     package, templates = folder / "servogen" / "engines" / "toy", folder / "templates" / "toy"
     package.mkdir()
