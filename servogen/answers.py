@@ -446,7 +446,9 @@ class HornAnswer(TypedDict):
     used_deg: Annotated[list[float], "From and to."]
     whole_deg: Annotated[list[float], "From and to, of the whole travel."]
     zero_deg: Annotated[float, "The job's."]
-    centred_zero_deg: Annotated[float, "The one that centres what is used."]
+    spline_teeth: Annotated[int, "The teeth of its spline: a horn goes on in steps of 360° / teeth."]
+    centred_zero_deg: Annotated[float, "The zero on the tooth that centres best what is used."]
+    off_centre_deg: Annotated[float, "How far what is used is then from the middle of the travel."]
 
 
 class PlanFactsAnswer(TypedDict):
@@ -1412,6 +1414,7 @@ class CalibrateAnswer(TypedDict):
     us_per_deg: Annotated[float, "The slope."]
     rms_deg: Annotated[float, "The root mean square residual."]
     worst_deg: Annotated[float, "The largest residual."]
+    bend_us: Annotated[float, "How far the third point, where there is one, is off a straight line."]
     residuals_deg: Annotated[list[float], "Each residual."]
     taken_by_job: Annotated[bool, "Whether the job can use it."]
 

@@ -14,7 +14,7 @@ import typer
 
 from servogen.cli.drive_line import Baud, First, Port, RangeUs
 from servogen.cli.options import JobFile, Json
-from servogen.cli.show import as_json, next_step, table, warn
+from servogen.cli.show import as_json, next_step, print_lines, table, warn
 from servogen.drive.commands import QUIT, LineCommands
 from servogen.drive.controller import ControllerChannel, controller_of
 from servogen.drive.serial_link import NullWire, SerialLink, Time, VirtualTime, port_opener
@@ -90,7 +90,7 @@ def calibrate(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Move one servo through its range, fit a line to the angles that you read, and write its calibration."""
+    """Move one servo through its range, fit a line, or one with a bend, to what you read, and write it."""
     loaded = load(job)
     index = servo_index(loaded, sweep.servo)
     chosen = loaded.servos[index]
@@ -192,6 +192,7 @@ def _show_calibration(
                 "us_per_deg": slope,
                 "rms_deg": rms,
                 "worst_deg": worst,
+                "bend_us": fitted.bent.bend_us if fitted.bent else 0.0,
                 "residuals_deg": [math.degrees(residual) for residual in fitted.residuals],
                 "taken_by_job": not refused,
             },
@@ -202,11 +203,19 @@ def _show_calibration(
         (f"{r.width_us:z.1f}", f"{math.degrees(r.angle):z.1f}", f"{math.degrees(off):+z.2f}")
         for r, off in zip(fitted.readings, fitted.residuals, strict=True)
     ]
-    table(f"{servo.name}, {servo.model.title}", ("width µs", f"seen {unit}", f"off the line {unit}"), rows)
+    table(f"{servo.name}, {servo.model.title}", ("width µs", f"seen {unit}", f"off the fit {unit}"), rows)
     print(
         f"width = {fitted.zero_us:.1f} µs {slope:+z.4f} µs/{unit}; "
         f"rms {rms:.2f}{unit}, worst {worst:+z.2f}{unit}"
     )
+    if fitted.bent is not None:
+        middle = fitted.bent.points[1]
+        print_lines(
+            [
+                f"the readings bend at {middle.width_us:.1f} µs, {math.degrees(middle.angle):z.1f}{unit}, "
+                f"{fitted.bent.bend_us:.1f} µs off a straight line: the file has three points"
+            ]
+        )
     print(f"{target}: written" + (f"; {previous} is the file that was there" if previous else ""))
     if refused:
         print("with this calibration the job's motion is not possible:", file=sys.stderr)

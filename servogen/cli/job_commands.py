@@ -12,7 +12,7 @@ from servogen.cli.options import JobFile, Json
 from servogen.cli.show import as_json, print_lines, status, warn_of_all
 from servogen.cli.widths import width_table
 from servogen.errors import InputError, Location
-from servogen.job import KINDS, PlannedJob, load, plan_job, starter, usual_servo
+from servogen.job import KINDS, PlannedJob, kind_of, load, plan_job, starter, usual_servo
 from servogen.outputs import write_text
 from servogen.plan_error import plan_text
 from servogen.units import counted
@@ -26,7 +26,7 @@ def new(
         str | None,
         typer.Option(
             "--robot",
-            help=f"The kind of robot: {', '.join(KINDS[:-1])} or {KINDS[-1]}.",
+            help=f"The kind of robot: {', '.join(KINDS[:-1])}, {KINDS[-1]}, or a legged robot's file.",
         ),
     ] = None,
     servo: Annotated[
@@ -45,7 +45,7 @@ def new(
         robot = typer.prompt(f"robot ({', '.join(KINDS)})", default=KINDS[0])
     robot = robot or KINDS[0]
     if servo is None:
-        servo = usual_servo(robot)
+        servo = usual_servo(kind_of(robot) if robot.endswith(".toml") else robot)
         servo = typer.prompt("servo (a model, or a servo file)", default=servo) if asks else servo
     with status(f"{file}: planning"):
         text = starter(robot, servo, file)

@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from servogen.errors import InputError, Location
+from servogen.programs import PROGRAM_SUFFIXES
+
 if TYPE_CHECKING:
     from servogen.toml.file import Table
 
@@ -60,7 +63,22 @@ def sampling_rate_option(help: str) -> Any:
     return typer.Option("--rate", min=1, help=help)
 
 
-JobFile = Annotated[Path, typer.Argument(help="A job file (TOML).", show_default=False)]
+def _not_a_program(path: Path) -> Path:
+    """Return the path of a job. Raises InputError for that of a program, whose text would be no TOML."""
+    if path.suffix.lower() in PROGRAM_SUFFIXES:
+        raise InputError(
+            "not-allowed",
+            "is a program, but this command takes a job file (TOML)",
+            Location(str(path)),
+            "simulate, watch and verify take programs; "
+            "servogen rig JOB.toml --hex FILE puts one on the simulated bench",
+        )
+    return path
+
+
+JobFile = Annotated[
+    Path, typer.Argument(help="A job file (TOML).", show_default=False, callback=_not_a_program)
+]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 ServerPort = Annotated[
     int, typer.Option("--port", min=0, max=65_535, help="Port of the server (default: any free one).")

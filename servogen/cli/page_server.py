@@ -66,7 +66,7 @@ def serving(attach: Attach) -> Iterator[str]:
 
     from servogen.watch.server import DebuggerRoom, WatchServer
 
-    begun: queue.Queue[tuple[str, Callable[[], object]]] = queue.Queue()
+    begun: queue.Queue[tuple[str, Callable[[], object]] | Exception] = queue.Queue()
 
     async def serve() -> None:
         loop, task = asyncio.get_running_loop(), asyncio.current_task()
@@ -75,12 +75,21 @@ def serving(attach: Attach) -> Iterator[str]:
         await server.run(0, lambda url: begun.put((url, lambda: loop.call_soon_threadsafe(task.cancel))))
 
     def run() -> None:
-        with suppress(asyncio.CancelledError):
-            asyncio.run(serve())
+        try:
+            with suppress(asyncio.CancelledError):
+                asyncio.run(serve())
+        except (
+            Exception
+        ) as error:  # it says so to the thread that waits, or goes on where that no longer does
+            begun.put(error)
+            raise
 
     thread = threading.Thread(target=run, daemon=True)
     thread.start()
-    url, end = begun.get()
+    answer = begun.get()
+    if isinstance(answer, Exception):
+        raise ToolError("port-in-use", f"no port can be opened: {answer}") from answer
+    url, end = answer
     try:
         yield url
     finally:

@@ -75,30 +75,38 @@ def _planned_with_horns(loaded: Job, file: Path, fit: bool) -> PlannedJob:
         horns, made = centred(loaded)
     values = edits(loaded, horns)
     if not values:
-        print(f"{file}: every horn is where it centres the motion")
+        print(f"{file}: every horn is on the tooth that centres the motion best")
         return made
     write_text(file, rewritten(file.read_text(encoding="utf-8"), values))
-    print(f"{file}: {counted(sum(bool(horn.turn) for horn in horns), 'horn')} turned")
+    worst = max(horns, key=lambda horn: abs(horn.away - horn.turn))
+    print(
+        f"{file}: {counted(sum(bool(horn.turn) for horn in horns), 'horn')} turned by whole teeth; "
+        f"at most {abs(degrees(worst.away - worst.turn)):.1f}° from the middle, {worst.servo}"
+    )
     return made
 
 
 def _show_horns(horns: tuple[Horn, ...]) -> None:
-    """Print which part of its travel each servo's motion uses, and the zero that centres it."""
-    rows = []
-    for horn in horns:
-        low, high = (degrees(end) for end in horn.used)
-        whole = degrees(horn.whole[1] - horn.whole[0])
-        rows.append(
-            (
-                horn.servo,
-                f"{degrees(horn.whole[0]):z.4g} to {degrees(horn.whole[1]):z.4g}°",
-                f"{low:z.1f} to {high:z.1f}°, {100 * (high - low) / whole:.0f} %",
-                f"{degrees(horn.zero):z.4g}",
-                "as it is" if not horn.turn else f"{degrees(horn.zero + horn.turn):z.4g}",
-            )
+    """Print which part of its travel each servo's motion uses, and on which tooth it is centred best."""
+    rows = [
+        (
+            horn.servo,
+            f"{degrees(horn.whole[0]):z.4g} to {degrees(horn.whole[1]):z.4g}°",
+            f"{degrees(horn.used[0]):z.1f} to {degrees(horn.used[1]):z.1f}°",
+            f"{degrees(horn.zero):z.4g}",
+            f"{degrees(horn.zero + horn.turn):z.4g}" if horn.steps else "as it is",
+            f"{horn.steps:+d} of {horn.teeth}" if horn.steps else "",
+            "" if horn.fixed else f"{abs(degrees(horn.away - horn.turn)):.1f}",
         )
+        for horn in horns
+    ]
     if rows:
-        table("Horns", ("servo", "travel", "used", "zero_deg", "centred"), rows)
+        table(
+            "Horns",
+            ("servo", "travel", "used", "zero_deg", "centred", "teeth", "off °"),
+            rows,
+            least=["travel"],
+        )
 
 
 def _show_plan(facts: PlanFacts, horns: tuple[Horn, ...]) -> None:

@@ -22,10 +22,9 @@ from servogen.bench.virtual.chip import SecondChip
 from servogen.bench.virtual.debugger import VirtualDebugger
 from servogen.bench.virtual.rig import RigOptions, with_fault
 from servogen.bench.virtual.rig import rig as opened
-from servogen.cli.files import read_image
 from servogen.cli.options import JobFile, Json, baud_option, sampling_rate_option
 from servogen.cli.page_server import serving
-from servogen.cli.show import as_json, status
+from servogen.cli.show import as_json, status, warn
 from servogen.drive.on_command import line_baud
 from servogen.engines.board import board_of, paired_machine
 from servogen.engines.inputs.commands import CommandLine
@@ -36,8 +35,8 @@ from servogen.programs import Program
 from servogen.pulse import PulseSchedule
 from servogen.simulator import PairedMachine, Stimulus
 from servogen.simulator.sources import pin_number
-from servogen.workflows.engines import PlayedJob, planned
-from servogen.workflows.job_program import read_program
+from servogen.workflows.engines import planned
+from servogen.workflows.job_program import played_program, read_program
 from servogen.workflows.pair import planned_pair, read_pair_of
 
 
@@ -129,22 +128,17 @@ def rig(
     for text in bench.fault or ():
         options = with_fault(options, text)
     with status(f"{loaded.name}: planning and compiling"):
-        if loaded.chips:
-            schedule, image, second = _pair(loaded, hex_file)
-        else:
-            played, second = planned(loaded), None
-            schedule, image = played.plan.schedule, read_image(hex_file) if hex_file else _image(played)
+        schedule, program, second = (_pair if loaded.chips else _one)(loaded, hex_file)
     levels = {pin_number(source.pin): source.level for source in schedule.inputs}
     levels.pop(options.serial_pin, None)
     ended = threading.Event()
     with ExitStack() as stack:
         debugger, places = None, {}
         if bench.debug:
-            program = Program(image) if second is not None else read_program(hex_file or job)
             debugger = VirtualDebugger(hex_file or job, program)
             places["debugger"] = stack.enter_context(serving(debugger.attach))
         terminals = stack.enter_context(
-            opened(image, loaded.clock, board_of(schedule), options, levels, second, debugger)
+            opened(program.image, loaded.clock, board_of(schedule), options, levels, second, debugger)
         )
         places = {**terminals.paths, **places}
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
@@ -160,7 +154,16 @@ def rig(
         terminals.serve(ended.is_set)
 
 
-def _pair(job: PlannedJob, folder: Path | None) -> tuple[PulseSchedule, Image, SecondChip]:
+def _one(job: PlannedJob, file: Path | None) -> tuple[PulseSchedule, Program, None]:
+    """Return a job's schedule and its program, or that in a file."""
+    played = planned(job)
+    program = read_program(file) if file else played_program(played)
+    for remark in program.remarks:
+        warn(remark)
+    return played.plan.schedule, program, None
+
+
+def _pair(job: PlannedJob, folder: Path | None) -> tuple[PulseSchedule, Program, SecondChip]:
     """Return the first chip's schedule and program, and the second chip; the programs are the job's, or those
     in the folder of a build.
     """
@@ -173,11 +176,7 @@ def _pair(job: PlannedJob, folder: Path | None) -> tuple[PulseSchedule, Image, S
     def beside(first: Image, second: Image, stimulus: Stimulus | None) -> PairedMachine:
         return paired_machine(schedules, (first, second), stimulus=stimulus)
 
-    return schedules[0], first, SecondChip(second, beside)
-
-
-def _image(played: PlayedJob) -> Image:
-    return played.make(played.job.firmware.dialect).compilation.image
+    return schedules[0], Program(first), SecondChip(second, beside)
 
 
 def _tell_sigrok(stack: ExitStack, port: str) -> None:

@@ -294,7 +294,7 @@ def jacobian(
     json: Json = False,
 ) -> None:
     """Compute the geometric Jacobian at joint positions, and how well the robot moves there."""
-    wanted: Any = int(frame) if frame.isdigit() else frame
+    wanted: Any = int(frame) if frame.isdecimal() else frame
     if symbolic and analytic is not None:
         raise InputError("conflicting-options", "--symbolic shows the geometric Jacobian: omit --analytic")
     if symbolic:

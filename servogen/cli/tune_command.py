@@ -92,6 +92,6 @@ def tune(
 def _next_c_file(c_file: Path) -> Path:
     """Return the name after this one: main.xc8.1.c after main.xc8.c, main.xc8.2.c after that."""
     name, _, number = c_file.stem.rpartition(".")
-    if name and number.isdigit():
+    if name and number.isdecimal():
         return c_file.with_name(f"{name}.{int(number) + 1}.c")
     return c_file.with_name(f"{c_file.stem}.1.c")

@@ -15,6 +15,7 @@ from servogen.debug.symbols import variable
 from servogen.debug.time_machine import TimeMachine
 from servogen.edges import PINS, EdgeChunk
 from servogen.errors import InputError
+from servogen.inputs import number_in
 from servogen.pic.listing import Listing
 
 FIRST_BACK_S = 0.1
@@ -68,7 +69,7 @@ def armed(breakpoint: Breakpoint, given: Mapping[str, Any], listing: Listing | N
             raise InputError("bad-breakpoint", f"'{parsed.text}' is not a condition", hint=hint)
         condition = parsed
     hits = str(given.get("hitCondition") or "1").strip().lstrip(">=").strip()
-    if not hits.isdigit() or not int(hits):
+    if not (number_in(hits) or 0) >= 1 or not hits.isdecimal():
         message = f"'{given['hitCondition']}' is not a number of hits"
         raise InputError("bad-breakpoint", message, hint="5, or >= 5")
     printed = str(given["logMessage"]) if given.get("logMessage") else None

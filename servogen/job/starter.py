@@ -16,8 +16,10 @@ from servogen.errors import InputError, ServogenError, did_you_mean
 from servogen.job.chips import part_of
 from servogen.job.plan import plan_job
 from servogen.job.reader import loads
+from servogen.kinematics.catalogue import robot
 from servogen.pulse import plan
 from servogen.robot import servo_models
+from servogen.robot.model import Robot
 from servogen.robot.servo import ServoModel
 
 KINDS = (
@@ -39,6 +41,11 @@ alike, the one with fewer servos first.
 MODEL = re.compile(r'^model = "([^"]*)"', re.MULTILINE)
 LEG_JOINT = re.compile(r'^(joint = "[A-Z].*)$', re.MULTILINE)
 """The joint of a leg, named behind it (`L1_coxa`), whose servo's zero the templates leave out."""
+
+LEGGED = ("hexapod", "quadruped")
+EXAMPLE = re.compile(r'^(# EXAMPLE dimensions.*\n)?\[robot\]\nname = "([^"]*)"', re.MULTILINE)
+HEIGHT = re.compile(r"^(?=body_height_mm)", re.MULTILINE)
+"""The height of an example's body, which is not that of another robot."""
 
 ZERO = re.compile(r"^((?:alpha|beta)_zero_deg = )90", re.MULTILINE)
 ANGLE = re.compile(r"\b((?:arm|min|max)_deg = )(\d+)")
@@ -64,14 +71,40 @@ def usual_servo(kind: str) -> str:
     return next(MODEL.finditer(template(kind)))[1]
 
 
+def kind_of(file: str) -> str:
+    """Return the kind whose job turns the joints of the legged robot in a file. Raises InputError."""
+    own, legs = robot(file), []
+    for kind in KINDS:
+        named = EXAMPLE.search(template(kind))
+        example = robot(named[2]) if named and kind.startswith(LEGGED) else None
+        if example is not None and _legs(example) == _legs(own):
+            return kind
+        if example is not None:
+            legs.append(f"{kind}: {' '.join(limb.name for limb in example.limbs)}")
+    raise InputError(
+        "unknown-name",
+        f"there is no job to start from for the joints of '{file}'",
+        hint=f"those of legs that the robot's file names, left and right, as {'; '.join(legs)}",
+    )
+
+
+def _legs(robot: Robot) -> list[tuple[object, ...]]:
+    """Return the joints of each leg, and whether it is mirrored."""
+    return [(*limb.joints, limb.mount is not None and limb.mount.mirrored) for limb in robot.limbs]
+
+
 def starter(kind: str, servo: str, file: Path) -> str:
     """Return the text of a job file that turns every joint of a kind of robot with one model of servo.
 
-    `servo` is a model of the catalogue in any usual spelling, or the path of a servo's file; `file` is where
-    the job will be written. Raises InputError if there is no such kind or servo, or the servo does not fit.
+    `kind` may be the path of a legged robot's file. `servo` is a model of the catalogue in any usual
+    spelling, or the path of a servo's file; `file` is where the job will be written. Raises InputError if
+    there is no such kind or servo, or the servo does not fit.
     """
-    kind = kind.lower()
+    own = kind if kind.endswith(servo_models.FILE_ENDING) else None
+    kind = kind.lower() if own is None else kind_of(own)
     text = template(kind)
+    if own is not None:
+        text = HEIGHT.sub("# ", EXAMPLE.sub(f"[robot]\nname = {_beside(own, file)}", text, count=1))
     name = servo_models.catalogued_as(servo)
     model = servo_models.servo_model(name)
     usual = servo_models.servo_model(usual_servo(kind))
@@ -80,9 +113,7 @@ def starter(kind: str, servo: str, file: Path) -> str:
         wrong = "turns continuously" if model.continuous else "has angles"
         needs = "a servo with angles" if model.continuous else "continuous-rotation servos"
         raise InputError("wrong-servo-kind", f"'{kind}' needs {needs}: {model.title} {wrong}", hint=fits)
-    if name.endswith(servo_models.FILE_ENDING):
-        name = Path(os.path.relpath(name, file.parent)).as_posix()
-    quoted = json.dumps(name, ensure_ascii=False)
+    quoted = _beside(name, file) if name.endswith(servo_models.FILE_ENDING) else json.dumps(name)
     text = _for_travel(MODEL.sub(lambda _: f"model = {quoted}", text), model)
     try:
         job = plan_job(loads(text, str(file)))
@@ -90,9 +121,16 @@ def starter(kind: str, servo: str, file: Path) -> str:
             servos = [each for each in job.servos if each.name in names]
             plan(part_of(job.trajectory, names), servos, job.frame)
     except ServogenError as error:
-        message = f"{model.title} does not fit '{kind}': {error.first.message}"
+        message = f"{model.title} does not fit '{own or kind}': {error.first.message}"
+        if own is not None:
+            fits = f"or start from --robot {kind}, name your robot in that job, and change its [walk]"
         raise InputError(error.first.code, message, hint=fits) from error
     return text
+
+
+def _beside(name: str, file: Path) -> str:
+    """Return the path of a file as the job in `file` names it, in quotes."""
+    return json.dumps(Path(os.path.relpath(name, file.parent)).as_posix(), ensure_ascii=False)
 
 
 def _for_travel(text: str, model: ServoModel) -> str:

@@ -20,7 +20,7 @@ from servogen.motion import JointTrajectory, Part, PlannedPoses, bound
 from servogen.motion.gait.commands import STRAIGHT, TURN, CommandedDirection, commanded_direction
 from servogen.motion.gait.phases import Gait, custom, gait
 from servogen.motion.gait.steps import SAME_M, Segment
-from servogen.motion.gait.walk import Walk, walk
+from servogen.motion.gait.walk import MIN_SWING, Walk, walk
 from servogen.motion.limits import JointLimits
 from servogen.motion.loads import check_torque, loads_of
 from servogen.robot.binding import Binding
@@ -374,12 +374,15 @@ def _yielding(planned: Walk, place: Location) -> Iterator[Diagnostic]:
 
 
 def _held_by(document: Document, planned: Walk, bindings: Sequence[Binding]) -> str:
-    """Return in words which servo holds the shortest cycle back; empty if the job states a time."""
+    """Return in words what holds the shortest cycle back; empty if the job states a time."""
     if planned.tightest is None or "cycle_s" in document.data["walk"]:
         return ""
     joint, limit = planned.tightest
     servo = next(binding.servo for binding in bindings if binding.joint == joint)
-    return f", the shortest; {servo} comes nearest to its limits: up to {limit.text}"
+    if planned.frames_per_cycle == planned.least_frames:
+        swing = f"the shortest, as a foot takes {MIN_SWING} frames through the air"
+        return f", {swing}; the servos could go faster: {servo}, the busiest, is at {limit.text}"
+    return f", the shortest, because of {servo}: it is at {limit.text}"
 
 
 def _lost_motion_notes(document: Document, planned: Walk, servos: Sequence[Servo]) -> Iterator[Diagnostic]:

@@ -22,10 +22,10 @@ def calibration_plot(fit: Fit, servo: Servo, path: Path) -> None:
     panes: Any = figure.subplots(2, 1, sharex=True, height_ratios=[2.4, 1])
     angles = [math.degrees(reading.angle) for reading in fit.readings]
     widths = [reading.width_us for reading in fit.readings]
-    ends = [min(angles), max(angles)]
     slope = fit.us_per_rad * math.radians(1)
     label = f"fit: {fit.zero_us:z.1f} µs {'+' if slope > 0 else '−'} {abs(slope):z.3f} µs/{unit}"
-    panes[0].plot(ends, [fit.width_us(math.radians(end)) for end in ends], "C0", label=label)
+    line = [(math.degrees(angle), width) for angle, width in fit.points()]
+    panes[0].plot(*zip(*line, strict=True), "C0", label=label)
     before = [(math.degrees(servo.angle(width)), width) for width in (min(widths), max(widths))]
     panes[0].plot(*zip(*before, strict=True), "0.6", ls="--", label="the job until now")
     panes[0].plot(angles, widths, "ko", ms=5, label="read")

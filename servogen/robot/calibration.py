@@ -1,5 +1,5 @@
 """The readings of a calibration, as a list of angles or a CSV file of widths and angles; the line fitted to
-them; the calibration file that a job reads.
+them, with one bend if they have it; the calibration file that a job reads.
 
 In: text. Out: `Reading`s, `Fit`, the calibration file; InputError with its location.
 """
@@ -20,7 +20,7 @@ from pydantic import Field
 from servogen.errors import InputError, Location, ToolError
 from servogen.inputs import number_in, read_input
 from servogen.outputs import write_text
-from servogen.robot.servo import Calibration, Servo
+from servogen.robot.servo import Calibration, Servo, calibration
 from servogen.robot.servo_models import MAX_US, MIN_US, PointTable, points_of
 from servogen.toml import file as toml_file
 from servogen.toml.file import Table
@@ -105,22 +105,32 @@ class Reading:
     angle: float
 
 
+MIN_BENT, BENT_RAD, BENT_SHARE = 6, math.radians(0.5), 0.5
+"""A third point is fitted to this many readings or more, if they scatter about the line by more than that
+(rms) and about the bent line by less than this share of it.
+"""
+
+
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """The fitted line, and each reading's distance from it: `residuals` in radians, measured minus fitted."""
+    """The fitted line, and each reading's distance from the fit: `residuals` in radians, measured minus
+    fitted.
+
+    `bent`: the line through three points in its place, where the readings have a bend.
+    """
 
     readings: tuple[Reading, ...]
     zero_us: float
     us_per_rad: float
     residuals: tuple[float, ...]
+    bent: Calibration | None = None
 
     @property
     def rms(self) -> float:
-        """Return the root mean square of the residuals, allowing for the two degrees of freedom of the
-        line.
-        """
-        # A line through n readings leaves n - 2 degrees of freedom.
-        return math.sqrt(sum(residual**2 for residual in self.residuals) / max(1, len(self.residuals) - 2))
+        """Return the root mean square of the residuals, allowing for the fit's degrees of freedom."""
+        # A line leaves n - 2 of n readings; a bend takes two more, its place and its angle.
+        free = len(self.residuals) - (2 if self.bent is None else 4)
+        return math.sqrt(sum(residual**2 for residual in self.residuals) / max(1, free))
 
     @property
     def worst(self) -> int:
@@ -129,17 +139,19 @@ class Fit:
 
     def width_us(self, angle: float) -> float:
         """Return the width in µs at an angle in radians."""
+        if self.bent is not None:
+            return self.bent.width_us(angle)
         return self.zero_us + self.us_per_rad * angle
 
     def angle(self, width_us: float) -> float:
         """Return the angle in radians at a width in µs."""
+        if self.bent is not None:
+            return self.bent.angle(width_us)
         return (width_us - self.zero_us) / self.us_per_rad
 
-    def ends(
-        self, limits: tuple[float, float] = (-math.inf, math.inf)
-    ) -> tuple[tuple[float, float], tuple[float, float]]:
+    def points(self, limits: tuple[float, float] = (-math.inf, math.inf)) -> tuple[tuple[float, float], ...]:
         """Return (angle, width) at both ends of the line: at the shortest and longest measured width, or
-        where `limits` (radians) cut it.
+        where `limits` (radians) cut it; and between them where it bends.
 
         Raises InputError if no part of the line remains.
         """
@@ -148,11 +160,14 @@ class Fit:
         low, high = max(first, limits[0]), min(last, limits[1])
         if low >= high:
             raise InputError("bad-readings", "all readings lie outside the servo's travel")
-        return (low, self.width_us(low)), (high, self.width_us(high))
+        inner = [point.angle for point in self.bent.points[1:-1]] if self.bent else []
+        angles = (low, *(angle for angle in inner if low < angle < high), high)
+        return tuple((angle, self.width_us(angle)) for angle in angles)
 
 
 def fit(readings: Sequence[Reading], tolerance: float = TOLERANCE_RAD, speed: bool = False) -> Fit:
-    """Return the line fitted to `readings`; with `speed`, their angles are speeds.
+    """Return the line fitted to `readings`, with a bend if they have one; with `speed`, their angles are
+    speeds.
 
     Raises InputError for too few readings, for a servo that did not move, and if a reading is farther than
     `tolerance` (radians) from the line: for a single outlier, for angles that do not rise or fall
@@ -161,6 +176,7 @@ def fit(readings: Sequence[Reading], tolerance: float = TOLERANCE_RAD, speed: bo
     unit = "°/s" if speed else "°"
     _check_each(readings, unit)
     line = _line(readings)
+    line = _bent(line) or line
     off = abs(line.residuals[line.worst])
     if off > tolerance:
         _check_outlier(readings, tolerance, unit)
@@ -268,6 +284,28 @@ def _line(readings: Sequence[Reading]) -> Fit:
     return Fit(tuple(readings), middle - mean / slope, 1 / slope, residuals)
 
 
+def _bent(line: Fit) -> Fit | None:
+    """Return the least-squares fit of two lines that meet at one of the widths, three readings or more in
+    each; None unless it is far better than one line.
+    """
+    if len(line.readings) < MIN_BENT or line.rms <= BENT_RAD:
+        return None
+    widths = np.array([reading.width_us for reading in line.readings])
+    angles = np.array([reading.angle for reading in line.readings])
+    each = sorted(set(widths.tolist()))
+    found = []
+    for middle in each[2:-2]:
+        knots = [each[0], middle, each[-1]]
+        hats = np.stack([np.interp(widths, knots, row) for row in np.eye(3)], axis=1)
+        at = np.linalg.lstsq(hats, angles, rcond=None)[0]
+        if np.all(np.diff(at) > 0) or np.all(np.diff(at) < 0):
+            curve = calibration(tuple(zip(at.tolist(), knots, strict=True)))
+            residuals = tuple((angles - hats @ at).tolist())
+            found.append(Fit(line.readings, line.zero_us, line.us_per_rad, residuals, curve))
+    best = min(found, key=lambda fit: fit.rms, default=None)
+    return best if best is not None and best.rms < BENT_SHARE * line.rms else None
+
+
 class LineTable(Table):
     """[fit]: what the points were computed from, for human readers."""
 
@@ -330,7 +368,7 @@ def calibration_text(fit: Fit, servo: Servo) -> str:
     points = [
         f"    {{ {key} = {math.degrees(servo.mounted(angle)):z.6f}, "
         f"width_us = {width - servo.trim_us:.4f} }},"
-        for angle, width in fit.ends(servo.model.travel)
+        for angle, width in fit.points(servo.model.travel)
     ]
     lines = [
         "# The calibration of one servo, written by `servogen calibrate`.",

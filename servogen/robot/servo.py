@@ -163,6 +163,8 @@ class ServoModel:
     mass_kg: float | None
     size_m: tuple[float, float, float] | None
     source: str
+    spline_teeth: int | None = None
+    """The teeth of its shaft, which say in what steps a horn goes on."""
     continuous: bool = False
     """Whether its angles are speeds."""
     supply_v: float | None = None

@@ -52,6 +52,7 @@ class FactKeys(BaseModel):
     max_ma: float | None = Field(default=None, gt=0)
     mass_g: float | None = Field(default=None, gt=0)
     size_mm: tuple[float, float, float] | None = None
+    spline_teeth: int | None = Field(default=None, ge=8, le=100)
 
 
 class SupplyTable(Table):
@@ -149,6 +150,7 @@ def servo_model(
         max_a=_scaled(facts.max_ma, 1000),
         mass_kg=_scaled(facts.mass_g, 1000),
         size_m=None if facts.size_mm is None else _metres(facts.size_mm),
+        spline_teeth=facts.spline_teeth,
         source=table.source,
         continuous=continuous,
         supply_v=_voltage(table, supply_v),

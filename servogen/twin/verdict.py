@@ -193,7 +193,7 @@ def verdict_of(record: Record, job: PlannedJob, planned: PlannedRoute) -> TwinVe
         rest,
         job.warnings,
         job.expect is not None,
-        _missed(off, planned, tool),
+        _missed(off, record, planned, travelled, tool),
     )
 
 
@@ -223,10 +223,22 @@ def _usual(planned: PlannedRoute) -> ExpectTable:
     return ExpectTable(robot_within_mm=within_mm, turn_within_deg=WALK_DEG)
 
 
-def _missed(off: tuple[float, float] | None, planned: PlannedRoute, tool: float | None) -> str:
+def _missed(
+    off: tuple[float, float] | None,
+    record: Record,
+    planned: PlannedRoute,
+    travelled: tuple[float, float, float],
+    tool: float | None,
+) -> str:
     if off is not None:
         share = f" ({0.1 * off[0] / planned.length:.1f} % of its way)" if planned.length else ""
         return f"the robot misses its plan by {off[0]:.1f} mm{share} and {off[1]:.1f}°"
+    if planned.rigid is not None and _complete(record):  # an endless walk asks for no end
+        x, y, yaw = planned.rigid[-1].tolist()
+        way, far = 1000 * math.hypot(x, y), 1000 * math.hypot(travelled[0] - x, travelled[1] - y)
+        share = f", whose way is {way:.1f} mm," if way else ""
+        turned = abs(math.degrees(travelled[2] - yaw))
+        return f"the robot ends {far:.1f} mm beside what rigid legs would do{share} and {turned:.1f}° off"
     return "" if tool is None else f"the tool misses its path by up to {1000 * tool:.2f} mm"
 
 

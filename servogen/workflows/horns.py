@@ -1,8 +1,8 @@
 """The horns of a job's servos: which part of its travel each one's motion uses, and the zero that centres it.
 
 In: a job, also one that is refused because a servo cannot go where its joint should. Out: `Horn`s; the job
-and its file with other zeros. A horn that is put on another tooth of its spline moves the servo's angles and
-the limits of the mechanics by the same angle.
+and its file with other zeros. A horn goes on another tooth of its spline, in steps of 360° / teeth, which
+moves the servo's angles and the limits of the mechanics by the same angle.
 """
 
 from __future__ import annotations
@@ -23,17 +23,20 @@ from servogen.toml.locations import Key
 if TYPE_CHECKING:
     from servogen.answers import HornAnswer
 
-MIN_TURN_DEG = 0.5
-"""A horn that would turn by less is left where it is."""
+USUAL_TEETH = 25
+"""The teeth of a spline whose servo's file states none: those of most servos of the standard size."""
 MIDDLE_US, SPAN_US = 5000.0, 4800.0
 """The widths of a servo that may turn as far as a file can say: it is planned, but never gets a pulse."""
+ROUNDING = 1e-6
+"""What zeros in degrees with four digits are exact to, in radians."""
 
 
 @dataclass(frozen=True, slots=True)
 class Horn:
     """Angles in radians, of the mounted servo: `used` by the motion, `whole`, what travel and calibration
     allow, and `zero`, where the joint is at 0. `key` is the zero's in the file, `table` that of its servo.
-    A servo that poses command by its own angle is `fixed`: its horn would move what they mean.
+    A servo that poses command by its own angle is `fixed`: its horn would move what they mean. `teeth` are
+    those of its spline.
     """
 
     servo: str
@@ -42,13 +45,28 @@ class Horn:
     zero: float
     key: Key
     table: Key
+    teeth: int = USUAL_TEETH
     fixed: bool = False
 
     @property
+    def away(self) -> float:
+        """Return by how much the horn has to turn for the motion to be in the middle of the travel."""
+        return (sum(self.whole) - sum(self.used)) / 2
+
+    @property
+    def steps(self) -> int:
+        """Return on which tooth the motion is nearest to the middle, counted from where the horn is."""
+        return 0 if self.fixed else round(self.away * self.teeth / math.tau)
+
+    @property
     def turn(self) -> float:
-        """Return by how much the horn has to turn for the motion to be centred, in tenths of a degree."""
-        away = 0.0 if self.fixed else math.degrees(sum(self.whole) - sum(self.used)) / 2
-        return math.radians(round(away, 1)) if abs(away) >= MIN_TURN_DEG else 0.0
+        """Return by how much the horn turns to get there."""
+        return self.steps * math.tau / self.teeth
+
+    @property
+    def between(self) -> bool:
+        """Return whether a horn between two teeth would do, but none on a tooth."""
+        return not self.fixed and 0 <= self.spare < abs(self.away - self.turn) - ROUNDING
 
     @property
     def spare(self) -> float:
@@ -63,7 +81,9 @@ class Horn:
             "used_deg": [math.degrees(end) for end in self.used],
             "whole_deg": [math.degrees(end) for end in self.whole],
             "zero_deg": math.degrees(self.zero),
+            "spline_teeth": self.teeth,
             "centred_zero_deg": math.degrees(self.zero + self.turn),
+            "off_centre_deg": math.degrees(self.away - self.turn),
         }
 
 
@@ -85,12 +105,13 @@ def horns_of(planned: PlannedJob, job: Job | None = None) -> tuple[Horn, ...]:
         leg = "leg" in planned.document.data
         key: Key = ("leg", f"{binding.joint}_zero_deg") if leg else (*table, "zero_deg")
         fixed = servo.name in commanded
-        found.append(Horn(servo.name, used, servo.whole, binding.zero, key, table, fixed))
+        teeth = servo.model.spline_teeth or USUAL_TEETH
+        found.append(Horn(servo.name, used, servo.whole, binding.zero, key, table, teeth, fixed))
     return tuple(found)
 
 
 def centred(job: Job) -> tuple[tuple[Horn, ...], PlannedJob]:
-    """Return the horns of a job, and the job planned with each of them centred.
+    """Return the horns of a job, and the job planned with each of them on the tooth that centres it best.
 
     A job whose servos cannot go far enough is planned as if they could. Raises its error, if that is not all
     that is in the way, or if it cannot be planned with centred horns either.
@@ -100,6 +121,13 @@ def centred(job: Job) -> tuple[tuple[Horn, ...], PlannedJob]:
     except ServogenError as error:
         try:
             horns = horns_of(plan_job(changed(job, dict(_unbounded(job)))), job)
+        except ServogenError:
+            raise error from None
+        if between := [horn for horn in horns if horn.between]:
+            raise InputError(
+                error.first.code, error.first.message, error.first.location, _beside(between)
+            ) from None
+        try:
             return horns, plan_job(changed(job, edits(job, horns)))
         except ServogenError:
             raise error from None
@@ -137,6 +165,19 @@ def advised(error: ServogenError, horns: tuple[Horn, ...]) -> ServogenError:
     turned = [f"{horn.servo} zero_deg = {zeros(horn)}" for horn in horns if horn.turn]
     hint = f"put the horns on other teeth: {', '.join(turned)}; `servogen plan --fit` writes it into the job"
     return InputError(error.first.code, error.first.message, error.first.location, hint)
+
+
+def _beside(horns: list[Horn]) -> str:
+    """Return what to do about horns that would have to sit between two teeth."""
+
+    def needs(horn: Horn) -> str:
+        low, high = (math.degrees(horn.zero + horn.away + side * horn.spare) for side in (-1, 1))
+        tooth = math.degrees(horn.zero + horn.turn)
+        nearest = f"its nearest tooth of {horn.teeth} is at {tooth:.4g}"
+        return f"{horn.servo} needs zero_deg {low:.4g} to {high:.4g}, {nearest}"
+
+    said = "; ".join(needs(horn) for horn in horns)
+    return f"{said}: turn its bracket, or measure zero_deg once the horn is on"
 
 
 def _unbounded(job: Job) -> Iterator[tuple[Key, object]]:

@@ -10,7 +10,7 @@ from pathlib import Path
 from servogen import programs
 from servogen.job import Job, load, plan_job
 from servogen.programs import Program, is_job
-from servogen.workflows.engines import planned
+from servogen.workflows.engines import PlayedJob, planned
 
 
 def read_program(path: Path, device_name: str | None = None) -> Program:
@@ -23,5 +23,11 @@ def read_program(path: Path, device_name: str | None = None) -> Program:
 
 def job_program(job: Job) -> Program:
     """Return the program of a job, in the job's dialect. Raises InputError or ResourceError."""
-    compilation = planned(plan_job(job)).make(job.firmware.dialect).compilation
+    return played_program(planned(plan_job(job)))
+
+
+def played_program(played: PlayedJob) -> Program:
+    """Return the program of a job that is planned already."""
+    job = played.job
+    compilation = played.make(job.firmware.dialect).compilation
     return Program(compilation.image, compilation.listing, job.clock, device=job.device.name)

@@ -16,6 +16,7 @@ import pytest
 from servogen.bench.programmers import flash, table
 from servogen.bench.virtual import rig
 from servogen.errors import Diagnostic
+from servogen.programs import Program
 from servogen.simulator.sources import pin_number
 from servogen.workflows import capture, flashing
 from tests.cli.conftest import Run, wrong
@@ -177,8 +178,8 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
     kept = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     stand_in(monkeypatch, rig, "rig", opened)
-    stand_in(monkeypatch, "servogen.cli.rig_command", "_image", lambda played: "own image")
-    stand_in(monkeypatch, "servogen.cli.files", "read_image", lambda path: f"image {path}")
+    for name in ("played_program", "read_program"):  # the image is what the program would be of
+        stand_in(monkeypatch, "servogen.cli.rig_command", name, Program)
     stand_in(
         monkeypatch, "servogen.cli.rig_command", "_tell_sigrok", lambda stack, port: print(f"sigrok {port}")
     )
@@ -210,7 +211,7 @@ def test_a_bench_without_options_is_exact_and_has_the_documented_parts(
     analyser = options.analyser
     assert (analyser.memory, analyser.fastest, analyser.glitches_per_s) == (24 * 1024, 100_000_000, 0)
     assert options.board.scheduler is True
-    assert (bench["image"], bench["hz"]) == ("own image", 4_000_000)
+    assert (bench["image"].job.name, bench["hz"]) == (LAB8.stem, 4_000_000)
     assert (bench["before"], bench["after"]) == (False, True)  # a signal ends it
 
 
@@ -238,7 +239,7 @@ def test_the_options_of_a_bench_reach_it(run: Run, bench: dict[str, Any]) -> Non
     assert options.analyser.glitches_per_s == 3
     assert options.board.scheduler is False
     assert options.programmer != rig.RigOptions().programmer
-    assert bench["image"] == "image x.hex"
+    assert bench["image"] == Path("x.hex")
 
 
 def test_a_bench_says_where_an_editor_attaches_to_its_chip(run: Run, bench: dict[str, Any]) -> None:

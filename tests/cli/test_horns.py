@@ -68,10 +68,12 @@ def file(tmp_path: Path) -> Path:
 
 
 def test_a_job_that_its_horns_alone_make_impossible_is_told_how_to_turn_them(run: Run, file: Path) -> None:
-    """The base would have to go to 209.8°; the tips are 39.8° to both sides, so that 90° is its zero."""
+    """The base would have to go to 209.8°; the tips are 39.8° to both sides, so that 90° is in the middle of
+    its travel. From 170°, teeth of 14.4° lead to 98 and 83.6.
+    """
     ran = run("plan", str(file))
     assert ran.code == 2 and "needs angles outside the servos' travel: base 209.8°" in ran.err
-    assert "put the horns on other teeth: base zero_deg = 90 (now 170)" in ran.err
+    assert "put the horns on other teeth: base zero_deg = 83.6 (now 170)" in ran.err
     assert file.read_text("utf-8") == JOB
 
 
@@ -79,18 +81,18 @@ def test_fit_writes_the_zeros_and_keeps_all_else(run: Run, file: Path) -> None:
     assert run("plan", str(file), "--fit").code == 0
     made = file.read_text("utf-8")
     servos = tomllib.loads(made)["servo"]
-    assert servos[0]["zero_deg"] == 90
+    assert servos[0]["zero_deg"] == pytest.approx(170 - 6 * 14.4)
     kept = re.sub(r"zero_deg = [\d.]+", "zero_deg = …", made).splitlines()
     asked = re.sub(r"zero_deg = [\d.]+", "zero_deg = …", JOB).splitlines()
     asked.insert(asked.index("# not measured"), "zero_deg = …")
     assert kept == asked
     planned = plan_job(load(file))
     for horn in horns_of(planned):
-        assert sum(horn.used) == pytest.approx(math.pi, abs=math.radians(0.11))  # in the middle of 0 to 180°
+        assert sum(horn.used) == pytest.approx(math.pi, abs=math.tau / 25)  # nearer to 90° than half a tooth
     before = made
     ran = run("plan", str(file), "--fit")
     assert (ran.code, file.read_text("utf-8")) == (0, before)
-    assert "every horn is where it centres the motion" in ran.out
+    assert "every horn is on the tooth that centres the motion best" in ran.out
 
 
 def test_the_plan_says_what_is_used_of_each_travel(run: Run, file: Path) -> None:
@@ -100,9 +102,25 @@ def test_the_plan_says_what_is_used_of_each_travel(run: Run, file: Path) -> None
     ran = run("plan", str(file), "--json")
     horn = json.loads(ran.out)["horns"][0]
     assert [round(end, 1) for end in horn["used_deg"]] == [60.2, 139.8]
-    assert [round(horn[key], 1) for key in ("zero_deg", "centred_zero_deg")] == [100, 90]
+    assert [round(horn[key], 1) for key in ("zero_deg", "centred_zero_deg")] == [100, 85.6]
+    assert (horn["spline_teeth"], round(horn["off_centre_deg"], 1)) == (25, 4.4)
     shown = run("plan", str(file)).out
-    assert re.search(r"base +0 to 180° +60\.2 to 139\.8°, 44 % +100 +90 ", shown)
+    assert re.search(r"base +0 to 180° +60\.2 to 139\.8° +100 +85\.6 +-1 of 25 +4\.4", shown)
+
+
+def test_a_horn_goes_on_in_the_steps_of_its_own_spline(file: Path) -> None:
+    """Of 8 teeth, 45° apart, none comes nearer to 90 than 80; a motion of 170° needs 85 to 95."""
+    ten = JOB.replace("zero_deg = 170 # a guess", "zero_deg = 170\nspline_teeth = 8")
+    ten = ten.replace('"q2"', '"q2"\nzero_deg = 50')
+    horns, _ = centred(loads(ten, str(file)))
+    assert [math.degrees(horns[0].zero + horns[0].turn), horns[0].steps] == [pytest.approx(80), -2]
+    wide = ten.replace("[0, 150, 100]", "[-100, 10, 100]").replace("[100, 120, 40]", "[100, 10, 100]")
+    with pytest.raises(ServogenError) as refused:
+        centred(loads(wide, str(file)))
+    assert (
+        "base needs zero_deg" in (refused.value.first.hint or "")
+        and "of 8 is at 80" in refused.value.first.hint
+    )
 
 
 def test_limits_turn_with_the_horn_and_commanded_angles_hold_it(file: Path) -> None:
@@ -110,7 +128,9 @@ def test_limits_turn_with_the_horn_and_commanded_angles_hold_it(file: Path) -> N
     limited = JOB.replace("zero_deg = 170 # a guess", zero).replace('"q2"', '"q2"\nzero_deg = 50')
     job = loads(limited, str(file))
     values = edits(job, horns_of(plan_job(job)))
-    assert [values["servo", 0, key] for key in ("zero_deg", "min_deg", "max_deg")] == [90, 40, 155]
+    assert [values["servo", 0, key] for key in ("zero_deg", "min_deg", "max_deg")] == pytest.approx(
+        [110 - 14.4, 60 - 14.4, 175 - 14.4]
+    )
     first = "{ base_deg = 100, shoulder_deg = 90, elbow_deg = 90 }"
     held = horns_of(plan_job(loads(limited.replace("poses = [", f"poses = [{first}, "), str(file))))[0]
     assert held.fixed and held.turn == 0

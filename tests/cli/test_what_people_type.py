@@ -34,6 +34,12 @@ LAB8 = (ROOT / "jobs" / "lab8-exercise.toml").read_text()
             "a K150 is used by picpro",
             "known:",
         ),
+        (
+            ("rig", "firmware/lab8-exercise/main.hex"),
+            "takes a job file (TOML) [not-allowed]\n  simulate, watch and verify take programs;"
+            " servogen rig JOB.toml --hex FILE",
+            "syntax",
+        ),
         (("drive", "jobs/scara-pick.toml", "--port", "x"), "the job has no [stream]", "internal"),
     ],
 )

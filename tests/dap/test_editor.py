@@ -111,6 +111,10 @@ def test_conditions_hits_pins_and_messages(editor: Editor) -> None:
     for turn in ("6", "7"):
         editor.go("continue")
         assert value(editor, "turns") == turn, "each of two at one place stops"
+    assert (
+        armed(editor, *({"line": line, "hitCondition": hits} for hits in ("²", "0", "9" * 5000)))
+        == [False] * 3
+    )
     armed(editor, {"line": line, "hitCondition": "3"})
     editor.go("continue")
     assert value(editor, "turns") == "10"

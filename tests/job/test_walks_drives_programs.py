@@ -152,7 +152,7 @@ def test_the_fastest_walk_names_the_servo_that_sets_its_cycle() -> None:
 
     fastest = planned('law = "fastest"')
     (said,) = notes(fastest, "cycle")
-    assert said.endswith(f"; s3 comes nearest to its limits: up to {speed(fastest):.0f} % of its speed")
+    assert said.endswith(f", the shortest, because of s3: it is at {speed(fastest):.0f} % of its speed")
     assert notes(planned(""), "cycle") == [said]
     assert speed(fastest) <= 100 < speed(planned(f"cycle_s = {0.02 * (int(said.split()[3]) - 2):g}"))
 

@@ -357,10 +357,11 @@ def test_a_walk_in_words() -> None:
     assert shown(lost=lost, beyond=0.0).lost_motion_text() == (
         "the swings take up the servos' lost motion of 1.50° before the feet land"
     )
-    for beyond, owners in ((0.05, "the servos'"), (0.15, "part of the servos'")):
+    loses = "; a longer stride loses a smaller share of itself to the rest"
+    for beyond, owners, rest in ((0.05, "the servos'", ""), (0.15, "part of the servos'", loses)):
         assert shown(lost=lost, beyond=beyond).lost_motion_text() == (
             f"the swings overshoot their footholds by a further {100 * beyond:.1f} % of their length, "
-            f"so that {owners} lost motion of 1.50° is taken up before the feet land"
+            f"so that {owners} lost motion of 1.50° is taken up before the feet land{rest}"
         )
 
 

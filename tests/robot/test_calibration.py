@@ -51,9 +51,8 @@ def test_the_line_is_the_least_squares_line_of_the_angles(noise: list[float]) ->
     pairs = [(w, a + n) for (w, a), n in zip(straight(1000, 5.5, 9), noise, strict=True)]
     made = fit(readings_of(pairs))
     slope, start = np.polyfit([width for width, _ in pairs], [angle for _, angle in pairs], 1)
-    assert [math.degrees(made.angle(width)) for width in (1000, 1500, 2000)] == pytest.approx(
-        [start + slope * width for width in (1000, 1500, 2000)], abs=1e-6
-    )
+    line = [math.degrees((width - made.zero_us) / made.us_per_rad) for width in (1000, 1500, 2000)]
+    assert line == pytest.approx([start + slope * width for width in (1000, 1500, 2000)], abs=1e-6)
     assert sum(made.residuals) == pytest.approx(0, abs=1e-9)
 
 
@@ -131,6 +130,20 @@ def test_a_job_that_names_the_file_sends_the_widths_that_were_read(tmp_path: Pat
     servo = plan_job(load(job)).servos[0]
     for angle in (20, 90, 160):
         assert servo.width_us(math.radians(angle)) == pytest.approx(zero + slope * angle, abs=1e-3)
+
+
+def test_a_bend_in_the_readings_is_a_third_point_of_the_file(tmp_path: Path) -> None:
+    """12 µs/° up to 90°, 10 beyond, read to half a degree. The same errors about one line are no bend."""
+    widths = range(600, 2401, 300)
+    off = (0.4, -0.3, 0.2, -0.4, 0.3, -0.2, 0.1)
+    true = [15 + (width - 600) / 12 if width < 1500 else 90 + (width - 1500) / 10 for width in widths]
+    made, job = made_of(tmp_path, [(w, a + o) for w, a, o in zip(widths, true, off, strict=True)])
+    servo = plan_job(load(job)).servos[0]
+    assert len(servo.calibration.points) == 3
+    for width, angle in list(zip(widths, true, strict=True))[1:-1]:
+        assert servo.width_us(math.radians(angle)) == pytest.approx(width, abs=0.5 * 12)
+    assert math.degrees(made.rms) < 0.6
+    assert fit(readings_of([(w, (w - 500) / 11 + o) for w, o in zip(widths, off, strict=True)])).bent is None
 
 
 def test_nothing_beyond_what_was_read_is_allowed(tmp_path: Path) -> None:

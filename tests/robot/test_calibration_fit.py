@@ -38,18 +38,18 @@ def test_the_line_of_three_readings_by_hand() -> None:
 
 def test_the_ends_of_a_line_are_cut_by_the_limits() -> None:
     made = fit(SAGGING)  # from 1° at 1000 µs to 181° at 2000 µs
-    (low, first), (high, last) = made.ends()
+    (low, first), (high, last) = made.points()
     assert [math.degrees(low), math.degrees(high), first, last] == pytest.approx([1, 181, 1000, 2000])
-    (low, first), (high, last) = made.ends((math.radians(10), math.radians(100)))
+    (low, first), (high, last) = made.points((math.radians(10), math.radians(100)))
     assert [math.degrees(low), math.degrees(high), first, last] == pytest.approx([10, 100, 1050, 1550])
     for beyond in ((-1.0, math.radians(0.5)), (math.radians(182), 9.0), (low, low)):
         with pytest.raises(InputError, match="all readings lie outside the servo's travel"):
-            made.ends(beyond)
+            made.points(beyond)
 
 
 def test_a_falling_line_has_its_ends_in_the_order_of_the_angles() -> None:
     made = fit(readings((1000, 180), (1500, 90), (2000, 0)))
-    (low, first), (high, last) = made.ends()
+    (low, first), (high, last) = made.points()
     assert [math.degrees(low), math.degrees(high), first, last] == pytest.approx(
         [0, 180, 2000, 1000], abs=1e-9
     )

@@ -202,7 +202,7 @@ def wires(texts: Iterable[str], pair: bool = False) -> Mapping[int, int]:
     for text in texts:
         channel, _, pin = text.partition("=")
         name = pin.strip().upper()
-        if not channel.strip().isdigit() or int(channel) >= channels:
+        if not channel.strip().isdecimal() or int(channel) >= channels:
             raise InputError(
                 "bad-wiring",
                 f"'{text}' is not a channel",

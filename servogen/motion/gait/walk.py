@@ -121,6 +121,8 @@ class Walk:
     """The frames of a cycle that were asked for, or that the limits need; the gait rounds them up."""
     tightest: tuple[str, Tightest] | None = None
     """The limit that the walk comes nearest to, with its joint; None without limits."""
+    least_frames: int = 0
+    """The frames of a cycle whose swings take `MIN_SWING` frames, the fewest."""
 
     @property
     def leg_angles(self) -> Floats:
@@ -196,10 +198,12 @@ class Walk:
         lost = f"lost motion of {math.degrees(self.lost):.2f}°"
         if self.beyond <= 0:
             return f"the swings take up the servos' {lost} before the feet land"
-        owners = "part of the servos'" if self.beyond >= MAX_BEYOND else "the servos'"
+        most = self.beyond >= MAX_BEYOND
+        owners = "part of the servos'" if most else "the servos'"
+        rest = "; a longer stride loses a smaller share of itself to the rest" if most else ""
         return (
             f"the swings overshoot their footholds by a further {100 * self.beyond:.1f} % of their length, "
-            f"so that {owners} {lost} is taken up before the feet land"
+            f"so that {owners} {lost} is taken up before the feet land{rest}"
         )
 
     @property
@@ -296,6 +300,7 @@ def walk(
         changes=plan.gait.changes_from(gait, count),
         needed_frames=frames_per_cycle or count,
         tightest=None if made.tight.factor == 0 else (tuple(joints)[made.tight.joint], made.tight),
+        least_frames=_whole(gait, minimum),
     )
     _refuse(result, spring_m, allow_falling)
     if plan.margin is not None and not plan.stance.free and spring_m is None:
