@@ -70,6 +70,18 @@ def test_check_accepts_every_robot_without_a_warning(run: Run, kind: str) -> Non
     assert (ran.code, ran.err) == (0, "")
 
 
+def test_a_robot_file_whose_legs_have_other_names_is_told_those_of_the_templates(run: Run) -> None:
+    """docs/your-robot.md has one with their names."""
+    legs = "".join(f'[[mount]]\nname = "{name}"\nx_mm = 9\ny_mm = 9\n' for name in ("FL", "FR"))
+    lengths = "lengths_mm = { coxa = 25, femur = 40, tibia = 60 }"
+    Path("own.toml").write_text(
+        f'name = "own"\nkind = "hexapod"\nleg = "hip-lift"\n{lengths}\n{legs}', "utf-8"
+    )
+    ran = run("new", "my.toml", "--robot", "own.toml")
+    assert ran.code == 2 and "no job to start from for the joints of 'own.toml'" in ran.err
+    assert "quadruped-hip-lift: LF LH RF RH" in ran.err and not Path("my.toml").exists()
+
+
 def test_check_shows_the_pulses_of_both_chips(run: Run) -> None:
     assert run("new", "my.toml", "--robot", "hexapod-coxa-femur-tibia").code == 0
     ran = run("check", "my.toml")
