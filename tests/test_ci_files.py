@@ -130,7 +130,7 @@ def annotations(out: str) -> list[tuple[str, int, str]]:
                     break
                 values |= {key: match[number] for key, number in pattern.items() if isinstance(number, int)}
             else:
-                found.append((values["file"], int(values["line"]), values["message"]))
+                found.append((values["file"], int(values["line"] or 0), values["message"]))
     return found
 
 
@@ -164,6 +164,13 @@ def test_a_broken_contract_is_annotated_at_its_clause(tmp_path: Path) -> None:
         ("contract.toml", "[[every]]"),
     ]
     assert "❌ contract" in (tmp_path / "summary.md").read_text()
+
+
+def test_an_error_without_a_line_is_annotated_and_in_the_summary(tmp_path: Path) -> None:
+    (tmp_path / "arm.toml").write_text('[chip]\ndevice = "PIC16F84"\nclock_hz = 4_000_000\n')
+    code, out, _ = act(tmp_path, inputs(jobs="arm.toml"))
+    assert code == 2 and annotations(out) == [("arm.toml", 0, "'servo' is missing")], out
+    assert "arm.toml: error: 'servo' is missing" in (tmp_path / "summary.md").read_text()
 
 
 def test_a_failed_test_is_annotated_at_its_line(tmp_path: Path) -> None:

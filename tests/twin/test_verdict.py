@@ -586,7 +586,9 @@ def test_without_expectations_nothing_is_judged_but_a_walk_by_a_tenth_of_its_way
     assert endless.passed and endless.missed == ""
     walked = replace(STILL, rigid=np.array([[0.0, 0.0, 0.0], [0.09, 0.04, math.pi / 2]]))
     said = verdict_of(away(), SimpleNamespace(**vars(job())), walked).missed
-    assert said == "the robot ends 100.0 mm beside what rigid legs would do, whose way is 98.5 mm, and 0.0° off"
+    assert (
+        said == "the robot ends 100.0 mm beside what rigid legs would do, whose way is 98.5 mm, and 0.0° off"
+    )
 
 
 def test_the_table_of_expectations_and_the_badge_of_the_page() -> None:
