@@ -128,6 +128,7 @@ class TrimProof:
     def prove(self, starts: Iterable[ChipState]) -> TrimResult:
         """Return what is proven of all runs from `starts`. Raises UndecidedTrims, WrongEdge."""
         states = [_State(start.ram, start.rest, tables={}, times=(0,)) for start in starts]
+        # `_followers` leaves out what is known: only states at cut points are compared.
         for steps, _ in enumerate(reached(states, self._followers, is_new=lambda state: True)):
             if steps == MAX_STEPS:
                 raise UndecidedTrims(f"more than {MAX_STEPS} steps")
