@@ -805,7 +805,7 @@ class ContractProofAnswer(TypedDict):
     file: Annotated[str, "The program."]
     contract: Annotated[str, "The contract."]
     proven: Annotated[bool, "Whether one engine shows that every clause is kept."]
-    checked: Annotated[bool, "Whether the checker does, which covers no contracts."]
+    checked: Annotated[bool, "Whether the checker shows it, too."]
     reason: Annotated[str, "Why it is not decided, or not checked."]
     counterexample: Annotated[CounterexampleAnswer | None, "A run that violates it."]
     states: Annotated[int, "States that were searched."]

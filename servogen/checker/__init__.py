@@ -1,6 +1,16 @@
-"""The second witness: checks the certificates of `servogen prove` without its help."""
+"""The second witness: checks what `servogen prove` has found without its help."""
 
 from servogen.checker.certificate import Certificate, read_certificate
 from servogen.checker.check import Checked, NotCovered, Refused, check_certificate
+from servogen.checker.contract import Hints, check_contract
 
-__all__ = ["Certificate", "Checked", "NotCovered", "Refused", "check_certificate", "read_certificate"]
+__all__ = [
+    "Certificate",
+    "Checked",
+    "Hints",
+    "NotCovered",
+    "Refused",
+    "check_certificate",
+    "check_contract",
+    "read_certificate",
+]

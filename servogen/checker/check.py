@@ -101,15 +101,9 @@ class Checker:
         if any(plan.buttons >> pin & 1 for pin in levels):
             plan = replace(plan, buttons=0, inputs=UNCOMMANDED, parts=[])
         self._plan = plan
-        watched = image.config is None or image.config & WATCHDOG_ON
-        cells = [layout.UNKNOWN if any_eeprom else image.eeprom.get(cell, 0xFF) for cell in range(64)]
         self._any_eeprom = any_eeprom
-        self._memory = chip.ChipMemory(
-            chip.program_code(image, certificate.cuts),
-            np.array([*cells, 0, 0]),
-            chip.slot_table(),
-            np.frombuffer(plan.tape.content if plan.tape else b"\0", dtype=np.uint8).astype(np.int64),
-            memo=np.full((layout.MEMO, 2), -1),
+        self._memory = chip.memory_of(
+            image, certificate.cuts, any_eeprom, plan.tape.content if plan.tape else b"\0"
         )
         self._board = layout.ChipSurroundings(
             limit=MAX_PERIODS * plan.period,
@@ -118,7 +112,7 @@ class Checker:
             buttons=plan.buttons,
             held=sum(1 << pin for pin in levels),
             levels=sum(level << pin for pin, level in levels.items()),
-            watchdog=int(WATCHDOG_US / Clock(plan.clock_hz).cycle_us) if watched else 0,
+            watchdog=watchdog_cycles(image, Clock(plan.clock_hz)),
             longest_write=ceil(plan.write_us / Clock(plan.clock_hz).cycle_us),
             restart=plan.wire.restart if plan.wire else 0,
             pulled=plan.wire.pulled if plan.wire else 0,
@@ -237,11 +231,7 @@ class Checker:
         return rows
 
     def _power_up(self) -> Ints:
-        """Return the state after any reset: what DS35007 table 6-4 does not define is unknown."""
-        s = np.zeros(COLUMNS, dtype=np.int64)
-        s[layout.RAM : layout.RAM_END] = s[layout.CHOSEN] = layout.UNKNOWN
-        for row in layout.REGISTERS:
-            s[row.slot] = row.reset
+        s = chip.after_reset(layout.BEFORE, COLUMNS)
         frame, memory = self._plan.start
         s[[FRAME_NUMBER, PLACE, ORIGIN]] = frame, self._number(Place(memory)), -1
         s[DUE] = self._plan.run_of(self._plan.start)
@@ -509,6 +499,19 @@ def _restrictions(held: dict[str, int], plan: Plan, allowed: Collection[str]) ->
     return tuple(texts)
 
 
+def unfit_clock(image: Image, clock_hz: int) -> str:
+    """Return why a program's configuration word does not go with a clock; empty if it does."""
+    config = RC if image.config is None else image.config
+    exact = clock_hz <= FASTEST[config & RC]
+    return "" if exact else "the oscillator that the configuration word selects has no exact frequency"
+
+
+def watchdog_cycles(image: Image, clock: Clock) -> int:
+    """Return the shortest period of the watchdog; 0 if it is off."""
+    watched = image.config is None or image.config & WATCHDOG_ON
+    return int(WATCHDOG_US / clock.cycle_us) if watched else 0
+
+
 def check_certificate(
     certificate: Certificate,
     image: Image,
@@ -527,9 +530,9 @@ def check_certificate(
     plan = read_plan(schedule, file, tape)
     if certificate.image != fingerprint(image):
         raise Refused("the certificate is of another program")
-    config = RC if image.config is None else image.config
-    if plan.clock_hz > FASTEST[config & RC]:
-        raise Refused("the oscillator that the configuration word selects has no exact frequency")
+    unfit = unfit_clock(image, plan.clock_hz)
+    if unfit:
+        raise Refused(unfit)
     if plan.clock_hz > plan.fastest:
         raise Refused("the clock is faster than the chip")
     if certificate.schedule != hashlib.sha256(schedule).hexdigest() or certificate.clock_hz != plan.clock_hz:

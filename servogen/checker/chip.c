@@ -153,6 +153,17 @@ static void happen(i64 *s, i64 flag)
     }
 }
 
+/* Makes TMR0 known where it was not: T0IF was set so many cycles ago, one before TMR0 is read as 00h, and was
+   clear until then, because GIE and T0IE were set since it was cleared. */
+static void overflow(i64 *s, i64 cycles)
+{
+    bool late = s[INTCON] >> 8 & T0IF || s[STILL] || s[OPTION] & T0CS;
+    if (s[STAGE] != WATCHES || !(s[TMR0] & UNKNOWN) || late)
+        return;
+    s[TMR0] = (cycles - 1) / ratio(s);
+    s[PRESCALER] = (cycles - 1) % ratio(s);
+}
+
 /* Lets one cycle pass. */
 void tick(i64 *s)
 {
@@ -172,6 +183,8 @@ void tick(i64 *s)
     }
     if (s[TMR0] == 0xFF && s[PRESCALER] == ratio(s) - 1 && !s[STILL])
         happen(s, T0IF); /* one cycle before TMR0 is read as 00h (section 5.3) */
+    if (s[STAGE] == WATCHES && s[TMR0] & UNKNOWN && !(s[INTCON] & T0IF) && ~s[INTCON] & (GIE | T0IE))
+        s[INTCON] |= T0IF << 8; /* nothing asks whether it is set */
     if (s[EECON1] & WR && --s[WRITE_LEFT] <= 0)
         happen(s, WRITE_OVER);
     s[SAMPLED] += s[SAMPLED] > 0;
@@ -227,12 +240,16 @@ i64 events(i64 *s, const Edges *edges, const Board *board)
     if (s[STAGE] == RUNS && s[EDGE] >= edges->count && s[TIME] >= board->period)
         return NEW_FRAME;
     if (s[DOUBTED]) { /* sampled in the first cycle of the latest instruction, or in its last one */
-        i64 way = choose(s, NOTHING | s[DOUBTED] | s[DOUBTED] << IS_NOP), flag = way & s[DOUBTED];
+        i64 doubted = s[DOUBTED] & EVERY_FLAG, cleared = s[DOUBTED] >> 16;
+        i64 way = choose(s, NOTHING | doubted | doubted << IS_NOP), flag = way & doubted;
         if (!way)
             return MAY_INTERRUPT;
         s[WAY] = s[DOUBTED] = 0;
         if (way != NOTHING) {
-            happen(s, flag ? flag : way >> IS_NOP);
+            i64 set = (flag ? flag : way >> IS_NOP) & ~cleared;
+            if (set == T0IF)
+                overflow(s, flag ? 2 : 1);
+            happen(s, set);
             return interrupt(s, flag ? 1 : 2);
         }
     }
@@ -436,6 +453,29 @@ i64 drive(i64 *s, const Edges *edges, const Board *board)
     return GOES_ON;
 }
 
+/* Returns the watched pins that the chip drives to a level that is not known. */
+static i64 dark_pins(const i64 *s, const Board *board)
+{
+    return board->channels & ~(s[TRISA] | s[TRISB] << 5) & (s[PORTA] >> 8 | s[PORTB] >> 8 << 5);
+}
+
+/* Notes the levels of the watched pins after an instruction wrote a port or TRIS; `dark` were unknown before it.
+   When a pin becomes an output for the first time, its unknown level counts as low until a low one is written. */
+static i64 watch(i64 *s, const Board *board, i64 dark)
+{
+    i64 driven = ~(s[TRISA] | s[TRISB] << 5) & (board->channels | board->buttons);
+    i64 out = driven & board->channels & ((s[PORTA] & 0xFF) | (s[PORTB] & 0xFF) << 5);
+    bool was_known = dark_pins(s, board) & s[DRIVEN] & ~dark;
+    s[DRIVEN] |= driven;
+    if (was_known || (s[DARK] && out & ~s[EDGE]))
+        return DARK_PIN;
+    s[DARK] = dark_pins(s, board) ? max(s[DARK], 1) : 0;
+    if (out != s[EDGE])
+        s[TIME] = s[CYCLE];
+    s[EDGE] = out;
+    return GOES_ON;
+}
+
 /* Returns what is read from a port: the latch where the chip drives, else what is held, else unknown. */
 static i64 read_port(const i64 *s, const Board *board, i64 slot)
 {
@@ -509,7 +549,7 @@ i64 write_slot(i64 *s, i64 *eeprom, const Board *board, i64 slot, i64 r)
         i64 changed = s[OPTION] ^ r;
         s[OPTION] = r;
         if (changed & (T0CS | PSA | PS))
-            set_timer(s, UNKNOWN, 0);
+            set_timer(s, UNKNOWN, s[STAGE] == WATCHES ? 3 : 0); /* its overflow may have been on its way */
         if (changed & (PSA | PS))
             s[RESCALED] = board->watchdog && r & PSA;
         break;
@@ -571,7 +611,7 @@ static i64 undecided(i64 *s, const i64 *row, const Board *board, i64 slot, i64 a
     i64 m = r >> 8;
     if (a >> 8 && is_port(slot) && !row[TO_F]) {
         i64 buttons = board->buttons >> (slot == PORTB ? 5 : 0);
-        i64 asked = a >> 8 & buttons & (row[FLOW] == SKIP ? x : 0xFF);
+        i64 asked = a >> 8 & buttons & (row[OP] >= DO_BTFSC ? x : 0xFF);
         if (asked) {
             ask(s, slot, asked);
             return BUTTON;
@@ -583,6 +623,11 @@ static i64 undecided(i64 *s, const i64 *row, const Board *board, i64 slot, i64 a
         bool passes = is_port(slot) || slot == TMR0
             || (slot == INTCON && (s[TMR0] >> 8 || bits & (INTF | RBIF)));
         return ask(s, passes ? CHOSEN : slot, bits);
+    }
+    if (s[STAGE] == WATCHES && row[TO_F] && is_port(slot) && row[X] == X_IS_W) {
+        i64 bits = m & s[W] >> 8 & ~s[slot + BANK_1] & board->channels >> (slot == PORTB ? 5 : 0) & 0xFF;
+        if (bits)
+            return ask(s, W, bits);
     }
     if (row[TO_F] && slot == PCL) {
         if (m)
@@ -608,11 +653,11 @@ static i64 store(
         return write_slot(s, memory->eeprom, board, slot, r);
     if (r >> 8 && (r >> 16 || slot >= TRISA))
         return REGISTER;
-    i64 before = lines(s, board);
+    i64 before = lines(s, board), dark = dark_pins(s, board);
     s[slot] = slot == PORTA || slot == TRISA ? r & 0x1F1F : r;
     if (s[TAKES])
         listen(s, memory, board, before);
-    return drive(s, edges, board);
+    return s[STAGE] == WATCHES ? watch(s, board, dark) : drive(s, edges, board);
 }
 
 /* Pushes the address of the next instruction, and goes to another (section 2.4). */
@@ -738,24 +783,28 @@ static i64 execute(i64 *s, i64 *used, const Edges *edges, const Memory *memory, 
         reason = store(s, edges, memory, board, slot, r, flags);
     }
     /* 4: where it goes on */
-    s[DOUBTED] = doubted;
+    i64 cleared = row[TO_F] && slot == INTCON ? doubted & ~(r | r >> 8) & FLAGS_OF_INTCON : 0;
+    s[DOUBTED] = doubted | cleared << 16;
     return reason == GOES_ON ? go_on(s, row, slot, r) : reason;
 }
 
-/* Runs to the next cut, fork, frame or last edge of a frame, and returns the reason; the instruction at PC is
-   not executed.
+/* Runs to the next cut, fork, frame, last edge of a frame or change of watched pins, and returns the reason;
+   the instruction at PC is not executed.
 
    Notes in `used` which of W and the RAM were read before they were written, and which were written. The run
    depends on no others of these bytes, and changes none but the written ones. */
 i64 run(i64 *s, i64 *used, const Edges *edges, const Memory *memory, const Board *board)
 {
     bool pulses = s[EDGE] < edges->count;
+    i64 levels = s[EDGE];
     for (;;) {
         i64 reason = events(s, edges, board);
         if (reason == INTERRUPTED)
             continue;
         if (reason == GOES_ON && pulses && s[EDGE] == edges->count)
             return LAST_EDGE;
+        if (reason == GOES_ON && s[STAGE] == WATCHES && s[EDGE] != levels)
+            return PIN_CHANGE;
         if (reason != GOES_ON)
             return reason;
         const i64 *row = memory->code[s[PC]];

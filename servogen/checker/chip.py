@@ -77,6 +77,26 @@ def slot_table() -> Ints:
     return slots
 
 
+def memory_of(
+    image: Image, cuts: frozenset[int], any_eeprom: bool = False, tape: bytes = b"\0"
+) -> ChipMemory:
+    """Return what the chip holds; with `any_eeprom` every cell of its EEPROM is unknown."""
+    cells = [layout.UNKNOWN if any_eeprom else image.eeprom.get(cell, 0xFF) for cell in range(64)]
+    recorded = np.frombuffer(tape, dtype=np.uint8).astype(np.int64)
+    memo = np.full((layout.MEMO, 2), -1)
+    return ChipMemory(program_code(image, cuts), np.array([*cells, 0, 0]), slot_table(), recorded, memo)
+
+
+def after_reset(stage: int, width: int = layout.SLOTS) -> Ints:
+    """Return the state after any reset: what DS35007 table 6-4 does not define is unknown."""
+    s = np.zeros(width, dtype=np.int64)
+    s[layout.RAM : layout.RAM_END] = s[layout.CHOSEN] = layout.UNKNOWN
+    for row in layout.REGISTERS:
+        s[row.slot] = row.reset
+    s[layout.STAGE] = stage
+    return s
+
+
 @cache
 def library() -> ctypes.CDLL:
     return layout.NATIVE.load()

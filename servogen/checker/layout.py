@@ -23,7 +23,8 @@ OPTION, TRISA, TRISB, EECON1, EECON2 = 0x51, 0x55, 0x56, 0x58, 0x59
  PRESCALER,         # the cycles since TMR0 counted; 0 if its count is unknown
  STILL,             # the cycles for which TMR0 does not count, after a write
  SAMPLED,           # the cycle after an interrupt was sampled: 1, 2, ...; 0 for none
- DOUBTED,           # the flags that may have been sampled in the latest instruction
+ DOUBTED,           # the flags that may have been sampled in the latest instruction; from bit 16 on, those of
+                    # them that it cleared
  AGE,               # the cycles since the watchdog was cleared
  RESCALED,          # whether its prescaler may have kept a count since then
  WRITE_LEFT,        # the cycles in which an EEPROM write is over on every chip
@@ -43,11 +44,13 @@ OPTION, TRISA, TRISB, EECON1, EECON2 = 0x51, 0x55, 0x56, 0x58, 0x59
  POINTER,           # the address of its next byte; -1 if it is not known
  PULLS,             # whether it pulls SDA low
  SEEN, LOWS,        # what was read of SDA since SCL rose; in how many clocks on end it was low
- SLOTS) = range(STACK + 8, STACK + 18)  # fmt: skip
+ DRIVEN,            # the pins of a contract that were an output since the reset
+ SLOTS) = range(STACK + 8, STACK + 19)  # fmt: skip
 UNKNOWN = 0xFF00
-BEFORE, RUNS, OVER, AWAITS = range(4)
+BEFORE, RUNS, OVER, AWAITS, WATCHES = range(5)
 """`STAGE`: before the first pulse; frames follow one another; no pulse will follow; the wire of another chip
-is awaited, without pulses.
+is awaited, without pulses; there are no frames: `EDGE` is the levels of the watched pins, `TIME` when they
+changed.
 """
 SETTLED, MOST_LOW, RA4 = 16, 9, 0x10
 """More cycles than any time of the EEPROM; the clocks on end in which it may hold SDA, which is RA4: its
@@ -114,11 +117,11 @@ REASONS = (
     "a return with an empty stack", "a watchdog that may time out",
     "a pin whose level is unknown or not driven", "an unknown value in a register",
     "control that depends on TMR0's phase", "an EEPROM write without its sequence",
-    "another chip that is reset at the wrong time, or for too short a time",
+    "another chip that is reset at the wrong time, or for too short a time", "a change of the watched pins",
 )  # fmt: skip
 (CUT, NEW_FRAME, FORK, BUTTON, LAST_EDGE, MAY_INTERRUPT, MAY_BE_WRITTEN, SLEEPS, TOO_LONG, WRONG_EDGE,
  MISSING, NO_WORD, OVERFLOW, EMPTY, WATCHED, DARK_PIN, REGISTER, PHASE, SEQUENCE,
- PULLED) = range(20)  # fmt: skip
+ PULLED, PIN_CHANGE) = range(21)  # fmt: skip
 GOES_ON, INTERRUPTED = -1, -2
 
 # The program ---------------------------------------------------------------------------------------------
@@ -151,7 +154,7 @@ class ChipSurroundings(NamedTuple):
     """In this cycle a run must have come to a cut."""
     period: int
     channels: int
-    """The pins with servos."""
+    """The pins with servos, or those that are watched."""
     buttons: int
     held: int
     """Pins that are held, at these levels."""

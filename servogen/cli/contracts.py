@@ -10,16 +10,18 @@ from typing import TYPE_CHECKING
 
 from servogen.cli.chip_options import ChipOptions
 from servogen.cli.files import check_outputs, read_program
-from servogen.cli.schedule_proof import NOT_PROVEN, ONE_ENGINE, PROVEN, Over
+from servogen.cli.schedule_proof import NOT_PROVEN, PROVEN, Over
 from servogen.cli.show import as_json, print_lines, status
-from servogen.contract import Contract, ContractVerdict, load_contract
+from servogen.contract import Contract, ContractVerdict, load_contract, parse_contract
 from servogen.errors import InputError, Location
 from servogen.outputs import write_text
 from servogen.programs import chip_of
 from servogen.prove.contract import MAX_STATES, ContractProof, prove_contract
 from servogen.prove.counterexample import Counterexample
 from servogen.simulator import load_stimuli
+from servogen.toml.file import read_text
 from servogen.units import Clock, counted
+from servogen.workflows.certificates import Witnessed, contract_witness
 from servogen.workflows.contracts import contract_clock, judge_program, judge_recording
 from servogen.workflows.signals import is_program, refuse_chip_options
 
@@ -98,12 +100,10 @@ class ContractProofRequest:
 
 
 def run_contract_proof(request: ContractProofRequest) -> int:
-    """Prove, print, write the inputs of a counterexample, and return the exit code.
-
-    The checker of certificates knows schedules only, so a proof is that of one engine.
-    """
+    """Prove, check, print, write the inputs of a counterexample, and return the exit code."""
     check_outputs([request.file, request.contract], request.counterexample)
-    contract = load_contract(request.contract)
+    text = read_text(request.contract)
+    contract = parse_contract(text, str(request.contract))
     program = read_program(request.file, request.device)
     board = request.over.board(chip_of(program, request.device))
     clock = contract_clock(contract, program, request.clock_hz)
@@ -117,20 +117,23 @@ def run_contract_proof(request: ContractProofRequest) -> int:
             lambda explored, known: tell(f"{explored} of {known} states"),
             request.max_states or MAX_STATES,
         )
+    witness = Witnessed()
+    if proof.proven:
+        with status("checking the proof"):
+            witness = contract_witness(proof, program.image, text, clock, request.over.quantifiers())
     shown = proof.counterexample
     if shown is not None and shown.stimulus(clock):
         write_text(request.counterexample, shown.stimulus(clock))
     if request.json:
-        as_json(_proof_json(proof, request, clock))
+        as_json(_proof_json(proof, witness, request, clock))
     else:
-        print_lines(_proof_lines(proof, request, clock))
-    return PROVEN if proof.proven and request.accept_one_engine else NOT_PROVEN
+        print_lines(_proof_lines(proof, witness, request, clock))
+    return PROVEN if witness.checked or (proof.proven and request.accept_one_engine) else NOT_PROVEN
 
 
-BY_ONE_ENGINE = f"{ONE_ENGINE}: the checker does not cover contracts"
-
-
-def _proof_lines(proof: ContractProof, request: ContractProofRequest, clock: Clock) -> list[str]:
+def _proof_lines(
+    proof: ContractProof, witness: Witnessed, request: ContractProofRequest, clock: Clock
+) -> list[str]:
     size = (
         f"  {counted(proof.states, 'state')}, {counted(proof.runs, 'run')}, {proof.cycles} cycles simulated"
     )
@@ -142,10 +145,12 @@ def _proof_lines(proof: ContractProof, request: ContractProofRequest, clock: Clo
         ]
     if not proof.proven:
         return [f"not decided: {proof.reason}", size]
+    ran = witness.checked
     return [
-        BY_ONE_ENGINE,
+        witness.text,
         f"  for {request.over.quantifiers().text(held=False)}: every clause is kept",
         size,
+        *([f"  checked: {ran.states} states, {ran.cycles} cycles, {ran.forks} splits"] if ran else []),
         "  assumed:",
         *(f"    {assumption}" for assumption in proof.assumptions),
     ]
@@ -160,14 +165,16 @@ def _replay(shown: Counterexample, request: ContractProofRequest, clock: Clock) 
     return shlex.join([*words, *shown.arguments(), *span])
 
 
-def _proof_json(proof: ContractProof, request: ContractProofRequest, clock: Clock) -> ContractProofAnswer:
+def _proof_json(
+    proof: ContractProof, witness: Witnessed, request: ContractProofRequest, clock: Clock
+) -> ContractProofAnswer:
     shown = proof.counterexample
     return {
         "file": str(request.file),
         "contract": str(request.contract),
         "proven": proof.proven,
-        "checked": False,
-        "reason": proof.reason or (BY_ONE_ENGINE if proof.proven else ""),
+        "checked": witness.checked is not None,
+        "reason": proof.reason or (witness.text if proof.proven and not witness.checked else ""),
         "counterexample": None
         if shown is None
         else {

@@ -32,7 +32,7 @@ from servogen.prove.explore import (
     why_undecided,
 )
 from servogen.prove.forks import PreparedProgram
-from servogen.prove.generalise import Generaliser, Guess
+from servogen.prove.generalise import Generaliser, Guess, general_cells
 from servogen.prove.quantifiers import EVERYTHING, Quantifiers, trials
 from servogen.prove.sides import SampledResponse, Side, sides_of
 from servogen.prove.specification import IN_FRAME, OVER, Edge, Violation
@@ -158,6 +158,10 @@ class ContractProof:
     runs: int
     cycles: Cycles
     assumptions: tuple[str, ...]
+    cuts: dict[int, frozenset[str]]
+    """What was made general at each cut, as the checker calls it."""
+    inputs: int
+    """The pins of the contract that the program does not drive, as bits."""
 
 
 def prove_contract(
@@ -199,7 +203,9 @@ class _ContractProver:
         limit = clock.round_seconds(LONGEST_RUN_S)
         self._transitions = Transitions(self._chip, limit)
         self._always = self._program.choice_points
-        self._cut, driven = _observed(self._program, clock, self._board)
+        cut, driven = _observed(self._program, clock, self._board)
+        guesses = {} if cut is None else {cut: Guess(set(ALL_PLACES))}
+        self._generaliser = Generaliser(self._transitions, guesses)
         self._inputs = watched & ~driven
         self._driven = watched & driven
         self._outputs = self._driven if self._driven.bit_count() <= MAX_LATCHES else 0
@@ -215,8 +221,6 @@ class _ContractProver:
         why = undecidable(self._clauses, self._inputs) or self._unfit_oscillator()
         if why:
             return self._answer(None, why)
-        guesses = {} if self._cut is None else {self._cut: Guess(set(ALL_PLACES))}
-        self._generaliser = Generaliser(self._transitions, guesses)
         answers = []
         for spec in self._specs:
             self._latches = 0
@@ -302,6 +306,8 @@ class _ContractProver:
             runs=self._transitions.runs,
             cycles=Cycles(self._transitions.cycles),
             assumptions=self._assumptions(),
+            cuts={pc: general_cells(guess) for pc, guess in self._generaliser.cuts.items()},
+            inputs=self._inputs,
         )
 
     def _assumptions(self) -> tuple[str, ...]:
@@ -312,7 +318,8 @@ class _ContractProver:
             f"a high level of at most {GLITCH} cycles while a pin becomes an output counts as low",
         ]
         sampled = {pin for spec in self._specs for pin in spec.sampled if self._inputs >> pin & 1}
-        said += [f"{PINS[pin]} keeps each level until it was read" for pin in sorted(sampled)]
+        until = "until it was read, other than to write its port"
+        said += [f"{PINS[pin]} keeps each level {until}" for pin in sorted(sampled)]
         if self._driven:
             said.append(f"nothing but the program drives {pin_names(self._driven)}")
         if not self._quantifiers.resets:

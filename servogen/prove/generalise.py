@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from servogen.pic.device import masks
+from servogen.pic.device import RAM_FIRST, masks
 from servogen.prove.chip import (
     ALL_UNKNOWN,
     BASE,
@@ -221,6 +221,12 @@ class Generaliser:
                 for name in (place, UNCERTAIN[place].unknown_name):
                     rest[FIELD[name]] = raw_rest[FIELD[name]]
         return tuple(cells), tuple(rest)
+
+
+def general_cells(guess: Guess) -> frozenset[str]:
+    """Return what is general at a cut, by the names of the checker's cells."""
+    ram = {f"ram.{RAM_FIRST + place:02x}" for place in guess.dead}
+    return frozenset(ram | {name.lower() for name in guess.registers if name not in ("TIMER", "PRESCALER")})
 
 
 def live_places(

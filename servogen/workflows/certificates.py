@@ -12,7 +12,15 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from servogen.checker import Checked, NotCovered, Refused, check_certificate, read_certificate
+from servogen.checker import (
+    Checked,
+    Hints,
+    NotCovered,
+    Refused,
+    check_certificate,
+    check_contract,
+    read_certificate,
+)
 from servogen.checker.certificate import Certificate, fingerprint
 from servogen.edges import PINS
 from servogen.errors import InputError, ToolError
@@ -20,8 +28,11 @@ from servogen.inputs import read_input
 from servogen.outputs import write_bytes
 from servogen.pic.image import Image
 from servogen.prove import Proof, certificate, prove_for_all
+from servogen.prove.contract import ContractProof
 from servogen.prove.prover import MAX_STATES
+from servogen.prove.quantifiers import Quantifiers
 from servogen.pulse import PulseSchedule
+from servogen.units import Clock
 
 MAX_CERTIFICATE_BYTES = 4 << 20
 CHECKED = "proven, checked"
@@ -69,7 +80,8 @@ def second_witness(
     try:
         packed = certificate(proof, image, schedule, text, allow_held)
     except ValueError as error:
-        return Witnessed(not_covered=", ".join(_restrictions(proof, schedule)) or f"it: {error}")
+        missing = restrictions(proof.quantifiers) + _held_buttons(proof, schedule)
+        return Witnessed(not_covered=", ".join(missing) or f"it: {error}")
     try:
         claim = read_certificate(packed, "the certificate")
         held = claim.held if allow_held else ()
@@ -89,9 +101,25 @@ def second_witness(
     return Witnessed(packed, None if outside else checked, ", ".join(outside))
 
 
-def _restrictions(proof: Proof, schedule: PulseSchedule) -> list[str]:
-    """Return what a proof assumes, or is about, that no certificate is."""
-    over = proof.quantifiers
+def contract_witness(
+    proof: ContractProof, image: Image, contract: str, clock: Clock, over: Quantifiers
+) -> Witnessed:
+    """Return what the checker says of a proof of a contract, the text of its file.
+
+    A refusal is no breach: the checker's chip knows less of some programs than the prover's.
+    """
+    if restrictions(over):
+        return Witnessed(not_covered=", ".join(restrictions(over)))
+    try:
+        return Witnessed(checked=check_contract(image, contract, clock, Hints(proof.cuts, proof.inputs)))
+    except NotCovered as error:
+        return Witnessed(not_covered=error.what)
+    except Refused as error:
+        return Witnessed(not_covered=f"it: {error}")
+
+
+def restrictions(over: Quantifiers) -> list[str]:
+    """Return what a proof assumes, or is about, that the checker's is not."""
     named = {
         "known values at power-up (--start)": bool(over.start),
         "chips that are never reset (--no-resets)": not over.resets,
@@ -100,7 +128,7 @@ def _restrictions(proof: Proof, schedule: PulseSchedule) -> list[str]:
         "one phase of TMR0 (--no-tmr0-phase)": not over.tmr0_phase,
         "any content of the EEPROM (--any-eeprom)": over.any_eeprom,
     }
-    return [text for text, given in named.items() if given] + _held_buttons(proof, schedule)
+    return [text for text, given in named.items() if given]
 
 
 def _held_buttons(proof: Proof, schedule: PulseSchedule) -> list[str]:

@@ -7,6 +7,7 @@ Wherever the checker asks for an unknown bit it is told what the simulator has.
 from __future__ import annotations
 
 import random
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -44,9 +45,19 @@ NO_EDGES = np.zeros(0, dtype=np.int64)
 
 PIECES = [each for each in programs._PIECES if each not in (programs._sleep, programs._eeprom)]
 
+OVERTAKES: list[Callable[[random.Random], list[int]]] = [
+    lambda rng: [encode("BCF", f=0x0B, b=2)],
+    lambda rng: [encode("MOVLW", k=0xA0), encode("MOVWF", f=0x0B)],
+    lambda rng: [encode("BSF", f=3, b=5), encode("BCF", f=1, b=rng.randrange(4)), encode("BCF", f=3, b=5)],
+    lambda rng: [encode("INCF", f=1, d=1)],
+]
 
-def program(seed: int) -> Image:
-    """A program of the pieces that the checker knows: no SLEEP, no EEPROM write, TMR0 counts cycles."""
+
+def program(seed: int, timer_unknown: bool = False) -> Image:
+    """A program of the pieces that the checker knows: no SLEEP, no EEPROM write, TMR0 counts cycles.
+
+    With `timer_unknown` it does not write TMR0 before its interrupts are enabled.
+    """
     rng = random.Random(seed)
     routine = [encode("BCF", f=3, b=5), encode("BCF", f=0x0B, b=2), encode("INCF", f=0x20, d=1)]
     words = [encode("GOTO", k=8), *[encode("NOP")] * 3, *routine, encode("RETFIE")]
@@ -57,12 +68,17 @@ def program(seed: int) -> Image:
         (1, rng.choice((0xC0, 0xC2, 0xC8, 0xDF, 0xE8))),
     ):
         words += [encode("MOVLW", k=value), encode("MOVWF", f=register)]
-    words += [encode("BCF", f=3, b=5), encode("MOVLW", k=rng.randrange(256)), encode("MOVWF", f=1)]
+    words += [encode("BCF", f=3, b=5)]
+    if not timer_unknown:
+        words += [encode("MOVLW", k=rng.randrange(256)), encode("MOVWF", f=1)]
     for address in rng.sample(programs._RAM, rng.randrange(7)):
         words += [encode("MOVLW", k=rng.randrange(256)), encode("MOVWF", f=address)]
-    words += [encode("MOVLW", k=rng.choice((0, 0, 0xA0, 0x20, 0x80))), encode("MOVWF", f=0x0B)]
+    enables = (0xA0, 0xA0, 0xE0, 0xB0) if timer_unknown else (0, 0, 0xA0, 0x20, 0x80)
+    words += [encode("MOVLW", k=rng.choice(enables)), encode("MOVWF", f=0x0B)]
     main = len(words)
     while len(words) < main + 60:
+        if timer_unknown and rng.random() < 0.1:  # as an overflow may just have come
+            words += rng.choice(OVERTAKES)(rng)
         words += rng.choice(PIECES)(rng, len(words))
     words += [encode("GOTO", k=main)]
     return Image(dict(enumerate(words)), 0x3FF1, {cell: rng.randrange(256) for cell in range(4)})
@@ -128,6 +144,8 @@ class Compared(NamedTuple):
     phased: bool
     told: int = 0
     """How often the checker knew the level of SDA before an instruction, while SCL was high."""
+    timed: int = 0
+    """How often it knew TMR0 by its interrupt."""
 
 
 def noise(rng: random.Random, cycles: int, bus: int = 0) -> Stimuli:
@@ -139,23 +157,12 @@ def noise(rng: random.Random, cycles: int, bus: int = 0) -> Stimuli:
     return Stimuli(sources)
 
 
-def power_up() -> chip.Ints:
-    s = np.zeros(layout.SLOTS, dtype=np.int64)
-    s[layout.RAM : layout.RAM_END] = layout.UNKNOWN
-    for slot in (layout.TMR0, layout.FSR, layout.PORTB, layout.EEDATA, layout.EEADR, layout.W, layout.CHOSEN):
-        s[slot] = layout.UNKNOWN
-    s[layout.PORTA] = s[layout.STATUS] = 0x1F00
-    s[layout.EECON1] = 0x0800
-    s[layout.OPTION], s[layout.TRISA], s[layout.TRISB] = 0xFF, 0x1F, 0xFF
-    s[layout.INTCON] = 0x0300  # INTF and RBIF may be set by the pins at once
-    return s
+def power_up(stage: int = layout.BEFORE) -> chip.Ints:
+    return chip.after_reset(stage)
 
 
 def memory(image: Image, tape: bytes = b"\0") -> chip.ChipMemory:
-    eeprom = np.array([*(image.eeprom.get(cell, 0xFF) for cell in range(64)), 0, 0])
-    memo = np.full((layout.MEMO, 2), -1)
-    code = chip.program_code(image, frozenset())
-    return chip.ChipMemory(code, eeprom, chip.slot_table(), np.array([*tape]), memo)
+    return chip.memory_of(image, frozenset(), tape=tape)
 
 
 def board(limit: int, recorded: int = 0) -> layout.ChipSurroundings:
@@ -181,28 +188,33 @@ def outputs(machine: Machine, cycles: int) -> tuple[chip.Ints, chip.Ints]:
     return np.array(at_, dtype=np.int64), np.array(out_, dtype=np.int64)
 
 
-def compare(image: Image, seed: int, cycles: int = 3000, tape: bytes = b"") -> Compared:
+def compare(
+    image: Image, seed: int, cycles: int = 3000, tape: bytes = b"", watches: bool = False
+) -> Compared:
     """Run both to the first thing that the checker refuses; raises AssertionError where they differ.
 
-    A tape is in an EEPROM that has more bytes than the checker knows.
+    A tape is in an EEPROM that has more bytes than the checker knows. With `watches` it runs as beside a
+    contract.
     """
     rng, bus = random.Random(seed), SCL | SDA if tape else 0
     beside = [on_pins(EEPROM24(tape + b"\x3c", protected=True), scl="RA3", sda="RA4")] * bool(tape)
     floating = rng.random() < 0.5
     options = SimulatorOptions(
-        start_seed=seed, floating=floating, ra4_pull_up=bool(tape), devices=tuple(beside)
-    )
+        start_seed=seed, floating=floating, ra4_pull_up=bool(tape), devices=tuple(beside),
+        tmr0_phase=rng.randrange(4) if watches else 0,
+    )  # fmt: skip
     stimulus = rng.randrange(1 << 30)
     edge_at = edge_out = NO_EDGES  # a program that talks to an EEPROM has no others
-    if not tape:
+    if not tape and not watches:
         first = Machine(image, CLOCK, options, noise(random.Random(stimulus), cycles))
         edge_at, edge_out = outputs(first, cycles)
     machine = Machine(image, CLOCK, options, noise(random.Random(stimulus), cycles, bus))
     held = memory(image, tape or b"\0")
-    s = power_up()
+    s = power_up(layout.WATCHES if watches else layout.BEFORE)
     if tape:
         s[[layout.TAKES, layout.POINTER]] = layout.ANYTHING, -1
     phase, asked, instructions, stride, told = -1, 0, 0, rng.choice((31, 37) if tape else (1, 1, 7, 300)), 0
+    timed = 0
     while s[layout.CYCLE] < cycles:
         used = np.zeros(layout.SLOTS, dtype=np.int64)
         why = chip.run(s, used, edge_at, edge_out, held, board(int(s[layout.CYCLE]) + stride, len(tape)))
@@ -216,15 +228,38 @@ def compare(image: Image, seed: int, cycles: int = 3000, tape: bytes = b"") -> C
             asked += 1
             give(s, state, image)
             continue
+        if why == layout.MAY_INTERRUPT:
+            s[layout.WAY] = way_of(machine, s)
+            timed += s[layout.WAY] in (layout.T0IF, layout.T0IF << layout.IS_NOP)
+            continue
         if why not in (layout.TOO_LONG, layout.LAST_EDGE):
-            return Compared(instructions, asked, why, phase >= 0, told)
+            return Compared(instructions, asked, why, phase >= 0, told, timed)
         assert machine.cycles == s[layout.CYCLE] and state.pc & 0x3FF == s[layout.PC], f"seed {seed}"
         contained(s, state, phase, seed)
         told += s[layout.SEEN] == layout.UNREAD and s[layout.TAKES] == layout.GIVING
-        if phase < 0 and s[layout.TMR0] >> 8 == 0 and not s[layout.INTCON] & 0x20 and rng.random() < 0.02:
+        if (
+            phase < 0
+            and not watches
+            and s[layout.TMR0] >> 8 == 0
+            and not s[layout.INTCON] & 0x20
+            and rng.random() < 0.02
+        ):
             phase = rng.randrange(256)
             forget(s, rng, phase)
-    return Compared(instructions, asked, layout.TOO_LONG, phase >= 0, told)
+    return Compared(instructions, asked, layout.TOO_LONG, phase >= 0, told, timed)
+
+
+def way_of(machine: Machine, s: chip.Ints) -> int:
+    """The way that the simulator takes: an interrupt that was sampled a cycle ago, or two; or none, or one
+    that the checker has sampled, too.
+    """
+    ago, ways = machine.cycles - int(machine._s[at.IRQ_AT]), int(s[layout.ASKED_BITS])
+    if ago <= 0 or s[layout.SAMPLED] > 1:
+        return layout.NOTHING
+    flags = [flag for flag in (layout.INTF, layout.RBIF, layout.T0IF) if ways & flag]
+    set_now = machine.state().registers["INTCON"]
+    flag = next((flag for flag in flags if set_now & flag), flags[-1])  # the instruction may have cleared it
+    return flag if ago > 1 else flag << layout.IS_NOP
 
 
 def give(s: chip.Ints, state: MachineState, image: Image) -> None:

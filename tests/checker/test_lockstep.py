@@ -36,6 +36,13 @@ def test_every_state_of_the_simulator_is_within_the_checkers() -> None:
     assert layout.MISSING not in refused
 
 
+def test_an_interrupt_tells_what_tmr0_is_where_it_was_not_known() -> None:
+    """As beside a contract: OPTION_REG, TMR0 and T0IF may be written while the overflow comes."""
+    found = [compare(program(seed, True), seed, cycles=1200, watches=True) for seed in range(PROGRAMS)]
+    assert sum(each.timed for each in found) >= PROGRAMS // 2
+    assert {each.reason for each in found} <= {layout.TOO_LONG, layout.REGISTER}
+
+
 def test_whatever_is_said_on_a_tapes_bus_the_checkers_eeprom_may_do_what_the_simulators_does() -> None:
     found = [compare(bus_program(seed), seed, cycles=2000, tape=TAPE) for seed in range(PROGRAMS)]
     assert {each.reason for each in found} == {layout.TOO_LONG}

@@ -1,25 +1,28 @@
 """An attack on `servogen prove --contract`: a fault that only inputs or a power-up show must not be proven.
 
-    python -m tests.prove.contract_attack --mutants 300 --seed 1
+    python -m tests.prove.contract_attack --mutants 300 --seed 7               # prints a line for each
+    python -m tests.prove.contract_attack --mutants 300 --seed 7 --first 8120  # goes on after number 8119
 
 One bit of a program that keeps its contract is changed. A mutant that still keeps it in a plain run, and
-breaks it under random inputs, RAM or phases of TMR0, is given to the prover. What is broken is judged here,
-from the edges alone: the observers of the prover have no part in it. Exit code 1 if anything is proven.
+breaks it under random inputs, RAM or phases of TMR0, is given to the prover, and to the checker with the
+hints of the right program. What is broken is judged here, from the edges alone: the observers of the prover
+have no part in it. Exit code 1 if anything is proven, or accepted.
 """
 
 from __future__ import annotations
 
 import argparse
 import random
+import signal
 import sys
-import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from itertools import pairwise, zip_longest
+from itertools import count, islice, pairwise, zip_longest
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from servogen.checker import Hints, Refused, check_contract
 from servogen.contract import parse_contract
 from servogen.edges import PINS
 from servogen.pic.image import Image
@@ -107,12 +110,12 @@ def compiled(name: str) -> Image:
         return read_program(path).image
 
 
-def subjects() -> list[Subject]:
-    pulse = '[[pulse]]\npin = "{}"\nhigh_us = [{}, {}]\nperiod_us = [{}, {}]\n'.format
-    coils = '[[never]]\ncondition = "RB0 high and RB2 high"\n[[never]]\ncondition = "RB1 high and RB3 high"\n'
-    lamp = pulse("RB3", 480, 1530, 1880, 2060)
+pulse = '[[pulse]]\npin = "{}"\nhigh_us = [{}, {}]\nperiod_us = [{}, {}]\n'.format
+
+
+def short_subjects() -> list[Subject]:
+    """Return those of a few instructions."""
     bridge = image(BRIDGE.format(first=2, second=4, between=""))
-    digits = '[[never]]\ncondition = "RA0 high and RA1 high"\n'
     return [
         Subject("answer", image(ANSWER.format(delay="")), answer(2, 6), answered, ("RB0",), 3000),
         Subject("bridge", bridge, NEVER, never(("RB1", "RB2")), ("RA0",)),
@@ -120,6 +123,17 @@ def subjects() -> list[Subject]:
                 pulses("RB3", (32, 32), (336, 336))),
         Subject("tick", image(TICK.format(reload=9)), pulse("RB0", 249, 251, 498, 502),
                 pulses("RB0", (249, 251), (498, 502)), cycles=20_000),
+        Subject("two lamps", image(LAMPS), '[[never]]\ncondition = "RB1 high and RB3 high"\n',
+                never(("RB1", "RB3")), ("RA1", "RA2")),
+    ]  # fmt: skip
+
+
+def subjects() -> list[Subject]:
+    coils = '[[never]]\ncondition = "RB0 high and RB2 high"\n[[never]]\ncondition = "RB1 high and RB3 high"\n'
+    lamp = pulse("RB3", 480, 1530, 1880, 2060)
+    digits = '[[never]]\ncondition = "RA0 high and RA1 high"\n'
+    return [
+        *short_subjects(),
         Subject("stepper", compiled("stepper.c"), coils,
                 never(("RB0", "RB2"), ("RB1", "RB3")), ("RB7",), 9000, 200_000),
         Subject("pwm", compiled("pwm.c"), pulse("RB3", 495, 505, 1980, 2020),
@@ -130,8 +144,6 @@ def subjects() -> list[Subject]:
                 pulses("RB0", (245, 255), (490, 510)), cycles=20_000),
         Subject("dimmer", read_program(CI / "dimmer.c").image, lamp,
                 pulses("RB3", (480, 1530), (1880, 2060)), ("RB0",), 5000, 200_000),
-        Subject("two lamps", image(LAMPS), '[[never]]\ncondition = "RB1 high and RB3 high"\n',
-                never(("RB1", "RB3")), ("RA1", "RA2")),
     ]  # fmt: skip
 
 
@@ -187,36 +199,84 @@ def mutant(program: Image, rng: random.Random) -> tuple[int, Image]:
     return address, replace(program, program=program.program | {address: word})
 
 
+def hidden_faults(
+    every: list[Subject], seed: int, first: int = 0
+) -> Iterator[tuple[int, Subject, str, Image]]:
+    """Return mutants whose fault a plain run does not show: number, program, what was changed, and mutant."""
+    for number in count(first):
+        subject, rng = every[number % len(every)], random.Random(f"{seed} {number}")
+        address, changed = mutant(subject.image, rng)
+        if subject.kept(waves(subject, changed, None)) and not all(
+            subject.kept(waves(subject, changed, rng)) for _ in range(4)
+        ):
+            yield number, subject, f"{address:#x} = {changed.program[address]:#06x}", changed
+
+
+def accepted(subject: Subject, program: Image, proof: ContractProof) -> bool:
+    """Return whether the checker sees that a program keeps its contract, with the hints of a proof."""
+    try:
+        check_contract(program, subject.contract, CLOCK, Hints(proof.cuts, proof.inputs))
+    except Refused:
+        return False
+    return True
+
+
+def give_up(seconds: int) -> None:
+    """Raise TimeoutError after so many seconds of processor time; never with 0."""
+
+    def late(*_: object) -> None:
+        raise TimeoutError(f"more than {seconds} s")
+
+    signal.signal(signal.SIGPROF, late)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
+
+
+def answer_of(
+    subject: Subject, changed: Image, right: ContractProof, seconds: int, max_states: int
+) -> list[str]:
+    """Return the words of the prover and of the checker for a mutant, each within a time."""
+    words = []
+    give_up(seconds)
+    try:
+        proof = subject.proof(changed, max_states)
+        words.append(
+            "PROVEN" if proof.proven else "counterexample" if proof.counterexample else "not decided"
+        )
+        if proof.proven and accepted(subject, changed, proof):
+            words.append("CHECKED")
+    except TimeoutError:
+        words.append("too long")
+    give_up(seconds)
+    try:
+        words.append("ACCEPTED" if accepted(subject, changed, right) else "refused")
+    except TimeoutError:
+        words.append("the checker takes too long")
+    give_up(0)
+    return words
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--mutants", type=int, default=100, help="hidden faults to give to the prover")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--first", type=int, default=0, help="the number of the first mutant")
     parser.add_argument("--max-states", type=int, default=4000)
+    parser.add_argument("--seconds", type=int, default=20, help="of processor time, for each answer")
     given = parser.parse_args()
-    rng, found, began = random.Random(given.seed), Counter[str](), time.monotonic()
-    every = subjects()
+    found, every, right = Counter[str](), subjects(), {}
     for subject in every:
-        proof = subject.proof(subject.image)
+        proof = right[subject.name] = subject.proof(subject.image)
         assert proof.proven, (subject.name, proof.reason)
-        assert subject.kept(waves(subject, subject.image, None)), subject.name
-        assert all(subject.kept(waves(subject, subject.image, rng)) for _ in range(4)), subject.name
-    hidden = 0
-    while hidden < given.mutants:
-        subject = every[found["mutants"] % len(every)]
-        found["mutants"] += 1
-        address, changed = mutant(subject.image, rng)
-        if not subject.kept(waves(subject, changed, None)):
-            continue
-        if all(subject.kept(waves(subject, changed, rng)) for _ in range(4)):
-            continue
-        hidden += 1
-        proof = subject.proof(changed, given.max_states)
-        found["proven" if proof.proven else "counterexample" if proof.counterexample else "not decided"] += 1
-        found[f"{subject.name}: hidden"] += 1
-        if proof.proven:
-            print(f"PROVEN {subject.name} {address:#x} = {changed.program[address]:#06x}", flush=True)
-    print(f"{time.monotonic() - began:.0f} s: {dict(found)}")
-    return int(found["proven"] > 0)
+        assert all(subject.kept(waves(subject, subject.image, random.Random(n))) for n in range(4))
+        word = "checked" if accepted(subject, subject.image, proof) else "one engine"
+        print(f"{subject.name}: proven, {word}", flush=True)
+    for number, subject, what, changed in islice(
+        hidden_faults(every, given.seed, given.first), given.mutants
+    ):
+        words = answer_of(subject, changed, right[subject.name], given.seconds, given.max_states)
+        found.update(words)
+        print(f"{number} {subject.name} {what}: {', '.join(words)}; {dict(found)}", flush=True)
+    return int(found["PROVEN"] + found["CHECKED"] + found["ACCEPTED"] > 0)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,6 @@ Exit code 1 if one of them does not replay, or if a program is proven and its pl
 from __future__ import annotations
 
 import argparse
-import signal
 import sys
 import time
 import tomllib
@@ -26,10 +25,12 @@ from servogen.contract import Contract, ContractVerdict, parse_contract
 from servogen.programs import DEFAULT_DEVICE, Program, read_program
 from servogen.prove import Counterexample
 from servogen.prove.contract import ContractProof, prove_contract
+from servogen.prove.quantifiers import EVERYTHING
 from servogen.simulator import SimulatorOptions, parse_stimuli
 from servogen.units import Clock
+from servogen.workflows.certificates import contract_witness
 from servogen.workflows.contracts import contract_clock, judge_program
-from tests.prove.contract_attack import CI
+from tests.prove.contract_attack import CI, give_up
 from tests.repositories import unpack
 from tests.testing.page import PROGRAMS
 
@@ -45,7 +46,12 @@ class Case:
 
     name: str
     program: Program
-    contract: Contract
+    text: str
+    """The contract."""
+
+    @property
+    def contract(self) -> Contract:
+        return parse_contract(self.text, f"{self.name}.toml")
 
     @property
     def clock(self) -> Clock:
@@ -79,7 +85,7 @@ def ours(names: Sequence[str] = ()) -> Iterator[Case]:
     for path in (*sorted((HERE / "programs").glob("*.toml")), CI / "contract.toml"):
         source = CI / "dimmer.c" if path.parent == CI else path.with_suffix(".c")
         if not names or source.stem in names:
-            yield Case(source.stem, _program(source), parse_contract(path.read_text(), path.name))
+            yield Case(source.stem, _program(source), path.read_text())
 
 
 def _program(source: Path) -> Program:
@@ -104,7 +110,7 @@ def public(folder: Path, names: Sequence[str] = ()) -> Iterator[Case]:
             parent = place.parent.as_posix().removeprefix(".")
             unpack(folder, repository, row["commit"], parent, Path(scratch))
             program = read_program(Path(scratch) / place.name)
-        yield Case(name, program, parse_contract(row["contract"], place.name))
+        yield Case(name, program, row["contract"])
 
 
 def first_breach(verdict: ContractVerdict) -> int | None:
@@ -119,23 +125,15 @@ def answer(case: Case, plain: ContractVerdict, max_states: int) -> tuple[str, st
     except TimeoutError as late:
         return "not decided", str(late), True
     if proof.proven:
-        return "proven", f"{proof.states} states", not plain.violated
+        witness = contract_witness(proof, case.program.image, case.text, case.clock, EVERYTHING)
+        word = "proven, checked" if witness.checked else "proven"
+        return word, witness.not_covered or f"{proof.states} states", not plain.violated
     if proof.counterexample is None:
         return "not decided", proof.reason, True
     seen = first_breach(case.run(proof.counterexample))
     moment = f"cycle {proof.counterexample.cycle}: {proof.counterexample.message}"
     replays = seen is not None and seen <= proof.counterexample.cycle
     return "counterexample", moment if replays else f"DOES NOT REPLAY: {moment}", replays
-
-
-def give_up(seconds: int) -> None:
-    """Raise TimeoutError after so many seconds of processor time."""
-
-    def late(*_: object) -> None:
-        raise TimeoutError(f"more than {seconds} s")
-
-    signal.signal(signal.SIGPROF, late)
-    signal.setitimer(signal.ITIMER_PROF, seconds)
 
 
 def main() -> int:
