@@ -21,14 +21,7 @@ import numpy as np
 
 from servogen.checker import chip, layout
 from servogen.checker.certificate import RAM
-from servogen.checker.check import (
-    OUTSIDE,
-    Checked,
-    NotCovered,
-    Refused,
-    unfit_clock,
-    watchdog_cycles,
-)
+from servogen.checker.check import OUTSIDE, Checked, NotCovered, Refused, unfit_clock, watchdog_cycles
 from servogen.checker.plan import PINS
 from servogen.checker.watches import ClauseBroken, ClauseWatch, Numbers, Uncovered, read_watches
 from servogen.pic.image import Image
