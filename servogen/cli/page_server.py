@@ -78,17 +78,18 @@ def serving(attach: Attach) -> Iterator[str]:
         try:
             with suppress(asyncio.CancelledError):
                 asyncio.run(serve())
-        except (
-            Exception
-        ) as error:  # it says so to the thread that waits, or goes on where that no longer does
-            begun.put(error)
-            raise
+        except Exception as error:
+            begun.put(error)  # for the thread that waits for the address
+            if not isinstance(error, OSError):
+                raise
 
     thread = threading.Thread(target=run, daemon=True)
     thread.start()
     answer = begun.get()
-    if isinstance(answer, Exception):
+    if isinstance(answer, OSError):
         raise ToolError("port-in-use", f"no port can be opened: {answer}") from answer
+    if isinstance(answer, Exception):
+        raise answer
     url, end = answer
     try:
         yield url

@@ -249,6 +249,19 @@ def test_a_bench_says_where_an_editor_attaches_to_its_chip(run: Run, bench: dict
     assert bench["debugger"] is not None
 
 
+def test_a_server_that_cannot_begin_says_so(
+    run: Run, bench: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    server = pytest.importorskip("servogen.watch.server", reason="the server is of the extra watch")
+
+    async def refused(*given: object) -> None:
+        raise OSError("no more files")
+
+    monkeypatch.setattr(server.WatchServer, "run", refused)
+    ran = run("rig", LAB8, "--hex", ROOT / "firmware" / LAB8.stem, "--debug")
+    assert ran.code == 3 and "no port can be opened: no more files [port-in-use]" in ran.err
+
+
 def test_the_serial_line_of_a_bench_is_the_jobs(run: Run, bench: dict[str, Any], tmp_path: Path) -> None:
     """A stream's pins and rate; of a walk on command its pin."""
     text = LAB8.read_text().split("[motion]")[0]
