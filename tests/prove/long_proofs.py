@@ -16,15 +16,19 @@ import pytest
 
 from servogen.edges import HIGH, OTHER_PINS, PINS
 from servogen.engines.board import board_of, paired_machine
+from servogen.engines.c_text import DIALECTS
 from servogen.job import loads, plan_job
 from servogen.pic.image import read_hex, to_hex
 from servogen.pic.isa import encode
-from servogen.prove import tape
+from servogen.prove import prove_for_all, tape
 from servogen.simulator import Machine
+from servogen.workflows.certificates import second_witness
+from servogen.workflows.engines import planned
 from servogen.workflows.pair import planned_pair
 from tests.checker import certify
 from tests.checker.test_certificate import refusal
 from tests.engines.stream.stream_soak import JOBS
+from tests.engines.tape.test_tape_commands import job as segments
 from tests.prove.attack import servogen
 from tests.prove.gpsim_runs import gpsim_levels
 from tests.prove.stream_attack import edges_of, first_difference
@@ -48,6 +52,16 @@ def test_a_reader_that_clocks_once_too_few_times_is_not_proven() -> None:
     for at in tries:
         proof = proof_of(schedule, replace(image, program=image.program | {at: encode("MOVLW", k=9)}))
         assert not proof.proven
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_a_segment_on_a_button_is_proven_and_checked(dialect: str) -> None:
+    bow = ', { name = "bow", from_s = 0.02, to_s = 0.08 }'
+    played = planned(segments('buttons = { wave = "RB6" }', old=bow))
+    schedule, program = played.plan.schedule, played.make(dialect).compilation.image
+    found = prove_for_all(program, schedule, max_states=2000)
+    assert found.proven, found.reason
+    assert second_witness(found, program, schedule, schedule.json_text().encode()).text == "proven, checked"
 
 
 def test_levels_before_the_first_write_are_within_bounds_that_allow_for_them() -> None:

@@ -20,7 +20,6 @@ from servogen.engines.tape.content import AGAIN, END, sum_of
 from servogen.errors import InputError
 from servogen.job import PlannedJob, load, plan_job
 from servogen.pic.image import Image
-from servogen.prove import prove_for_all
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import Run, from_json
 from servogen.report.wiring import wires
@@ -211,14 +210,6 @@ def test_segments_that_cannot_be(old: str, new: str, said: str) -> None:
     with pytest.raises(InputError) as refused:
         job(old=old, new=new)
     assert said in str(refused.value)
-
-
-@pytest.mark.campaign
-def test_a_tape_that_waits_for_a_button_is_proven() -> None:
-    one = 'buttons = { wave = "RB6" }'
-    played = planned(job(one, "", ', { name = "bow", from_s = 0.02, to_s = 0.08 }', ""))
-    proof = prove_for_all(played.make("c2c").compilation.image, played.plan.schedule, max_states=2000)
-    assert proof.proven, proof.reason
 
 
 def test_a_walk_on_command_plays_from_a_tape() -> None:
