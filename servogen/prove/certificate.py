@@ -51,8 +51,8 @@ def certificate(
     if proof.held and (schedule.buttons or schedule.commands) and not hold_inputs:
         raise ValueError("only a proof over every level of the buttons and the line has a certificate")
     listed = [node for node in proof.nodes if node.parent >= 0 and node.spec.phase != BEFORE]
-    nodes = [node for node in listed if _is_settled(proof.transitions, node.rest)]
-    rows = {node.rest: _row(proof.transitions, node.rest) for node in nodes}
+    nodes = [node for node in listed if is_settled(proof.transitions, node.rest)]
+    rows = {node.rest: row_cells(proof.transitions, node.rest) for node in nodes}
     columns = {name: [rows[node.rest][name] for node in nodes] for name in _NAMES}
     for place, address in enumerate(range(RAM_FIRST, RAM_LAST + 1)):
         columns[f"ram.{address:02x}"] = [node.ram[place] for node in nodes]
@@ -61,7 +61,9 @@ def certificate(
     columns["frame"] = [NO_FRAME.get(node.spec.phase, node.spec.frame) for node in nodes]
     reader = None if proof.held else schedule.commands
     places: dict[Place, int] = {}
-    columns["place"] = [places.setdefault(_place(node.spec, schedule, reader), len(places)) for node in nodes]
+    columns["place"] = [
+        places.setdefault(place_key(node.spec, schedule, reader), len(places)) for node in nodes
+    ]
     content = {
         "format": FORMAT,
         "image": image_digest(image),
@@ -75,7 +77,7 @@ def certificate(
         # Without a write to the EEPROM, or a tape, there is no column of it: such certificates stay as they
         # are.
         "columns": {
-            name: _column(each)
+            name: compact_column(each)
             for name, each in columns.items()
             if name not in ("write_left", "tape_clock") or any(each)
         },
@@ -85,13 +87,14 @@ def certificate(
     return lzma.compress(text.encode(), preset=9 | lzma.PRESET_EXTREME)
 
 
-def _column(values: list[int]) -> dict[str, int | list[int]]:
+def compact_column(values: list[int]) -> dict[str, int | list[int]]:
+    """Return one value if all are the same, else each one's difference from the one before."""
     if len(set(values)) == 1:
         return {"all": values[0]}
     return {"delta": [now - before for before, now in zip([0, *values], values, strict=False)]}
 
 
-def _place(spec: SpecState, schedule: PulseSchedule, commands: CommandRule | None) -> Place:
+def place_key(spec: SpecState, schedule: PulseSchedule, commands: CommandRule | None) -> Place:
     """Return what the certificate says of the inputs: the memory, the levels read in this frame, and of which
     pins.
     """
@@ -107,7 +110,7 @@ def _place(spec: SpecState, schedule: PulseSchedule, commands: CommandRule | Non
     frames, kind = divmod(spec.heard, COUNT)
     if isinstance(commands.read, CodeLine):
         line = commands.read.line
-        return (spec.wanted, _heard(spec.heard, line.level)), 0, spec.line_read << PINS.index(line.pin)
+        return (spec.wanted, heard_text(spec.heard, line.level)), 0, spec.line_read << PINS.index(line.pin)
     if isinstance(commands.read, StepButton):
         pin = PINS.index(commands.read.button.pin)
         return (spec.wanted, frames, kind), 0, spec.line_read << pin
@@ -120,7 +123,7 @@ def _place(spec: SpecState, schedule: PulseSchedule, commands: CommandRule | Non
     return (spec.wanted, kind, frames), levels, sampled
 
 
-def _heard(number: int, rest: int) -> str:
+def heard_text(number: int, rest: int) -> str:
     """Return the levels that a number of `prove.commands.Line` stands for."""
     if number >= OFF_REST:
         level, count = (rest, number - ON_REST) if number >= ON_REST else (1 - rest, number - OFF_REST)
@@ -141,7 +144,7 @@ _NAMES = (
 """The columns beside those of the RAM and the schedule, in the order of the file."""
 
 
-def _is_settled(transitions: Transitions, number: int) -> bool:
+def is_settled(transitions: Transitions, number: int) -> bool:
     """Return whether no interrupt is under way, no key in EECON2, TMR0 counts, and a tape's EEPROM is amid a
     byte of its own; the checker passes other states by.
     """
@@ -157,7 +160,7 @@ def _tape_clock(transitions: Transitions, number: int) -> int | None:
     return tape.clock(transitions.rest(number)[FIELD["DEVICE_STATE"]]) if tape else 0
 
 
-def _row(transitions: Transitions, number: int) -> dict[str, int]:
+def row_cells(transitions: Transitions, number: int) -> dict[str, int]:
     """Return the columns of what is beside the RAM.
 
     TMR0 is unknown if bits of its prescaler's count are that reach it.

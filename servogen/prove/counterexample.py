@@ -117,12 +117,12 @@ def concrete(case: Case, nodes: Sequence[Node], finding: SearchFinding) -> Count
         # The cycles of the path to the finding are counted from the first instruction after the last reset.
         begun = 0 if trial.reset is None else trial.reset + 1 + FETCH
         for falling in (False, True) if path.requests else (False,):
-            changes = [*path.samples, *_requesting(case, path.requests, falling)]
+            changes = [*path.samples, *flag_changes(case, path.requests, falling)]
             levels = levels_of([(begun + cycle, pin, level) for cycle, pin, level in changes], case.held)
-            every = pin_changes(_machine(case, trial, levels), begun, begun + end, case.spec.restart)
+            every = pin_changes(trial_machine(case, trial, levels), begun, begun + end, case.spec.restart)
             edges = [edge for edge in every if edge[1] not in others]
             try:
-                _judge(case.spec, edges, path.samples, end)
+                judge_run(case.spec, edges, path.samples, end)
             except Violation as violation:
                 violation.cycle += begun
                 if case.spec.is_shown(violation, dict(levels)):
@@ -145,7 +145,7 @@ def regular_wire(case: Case) -> Counterexample | None:
         changes = [(rise + each * int(WIRE_HIGH * period), 1 - each) for rise in rises for each in (0, 1)]
         levels = ((rule.pin, ((0, 0), *changes)),)
         due = rises[rule.frames] + int(rule.cycles)
-        edges = pin_changes(_machine(case, ChipTrial(case.board), levels), 0, due + period)
+        edges = pin_changes(trial_machine(case, ChipTrial(case.board), levels), 0, due + period)
         first = next((cycle for cycle, _, level in edges if level), None)
         if first != due:
             return Counterexample(
@@ -157,7 +157,7 @@ def regular_wire(case: Case) -> Counterexample | None:
     return None
 
 
-def _requesting(case: Case, requests: Sequence[tuple[int, int]], falling: bool) -> list[Sample]:
+def flag_changes(case: Case, requests: Sequence[tuple[int, int]], falling: bool) -> list[Sample]:
     """Return the levels of RB0, and of a free pin of RB4 to RB7, that set flags of INTCON in these cycles."""
     taken = {channel.pin for channel in case.schedule.channels}
     free = [pin for pin in range(RB7, RB7 - 4, -1) if PINS[pin] not in taken and pin not in case.held]
@@ -179,7 +179,9 @@ def slow_oscillator(case: Case) -> Counterexample | None:
     """Return a chip whose RC oscillator is a tenth slow, and the first fall that is late by it."""
     slow = case.schedule.clock.hz * 9 // 10
     levels = levels_of((), case.held)
-    edges = pin_changes(_machine(case, ChipTrial(case.board), levels), 0, START_FRAMES * case.spec.period)
+    edges = pin_changes(
+        trial_machine(case, ChipTrial(case.board), levels), 0, START_FRAMES * case.spec.period
+    )
     rise = next((edge for edge in edges if edge[2]), None)
     fall = next((edge for edge in edges if rise and edge[1] == rise[1] and not edge[2]), None)
     if rise is None or fall is None:
@@ -200,7 +202,8 @@ def stimuli_of(trial: ChipTrial, levels: AllLevels) -> Stimuli | None:
     return Stimuli(sources) if sources else None
 
 
-def _machine(case: Case, trial: ChipTrial, levels: AllLevels) -> Machine:
+def trial_machine(case: Case, trial: ChipTrial, levels: AllLevels) -> Machine:
+    """Return a chip at power-up with these levels at its pins."""
     return Machine(case.image, case.schedule.clock, trial.options, stimuli_of(trial, levels))
 
 
@@ -284,7 +287,7 @@ def pin_changes(machine: Machine, begun: int, end: int, restart: int | None = No
     return edges
 
 
-def _judge(spec: Specification, edges: list[Edge], samples: Sequence[Sample], end: int) -> None:
+def judge_run(spec: Specification, edges: list[Edge], samples: Sequence[Sample], end: int) -> None:
     """Follow one run. Raises Violation, whose cycle counts from reset."""
     state = spec.start()
     begun, place = 0, 0

@@ -208,7 +208,7 @@ class _Prover:
             assumptions = tuple(
                 assumption for assumption in self._assumptions() if assumption != AS_IN_THE_FILE
             )
-            trims = _trims_text(self._schedule, trimmed.bytes)
+            trims = trims_text(self._schedule, trimmed.bytes)
             return replace(plain, assumptions=(*assumptions, trims), runs=plain.runs + trimmed.runs)
         shown = runs.search(suspect)
         return replace(plain, proven=False, counterexample=shown, reason="" if shown else reason)
@@ -266,7 +266,7 @@ class _Prover:
 
     def _answer(self, search: SearchResult) -> Proof:
         if search.answer is SearchAnswer.CLOSED:
-            idle = _waits_endlessly(search)
+            idle = endless_wait(search)
             if idle is None:
                 return self._result(search, None, "")
             pc = self._transitions.pc(search.nodes[idle].rest)
@@ -331,7 +331,7 @@ class _Prover:
         return tuple(assumptions)
 
 
-def _trims_text(schedule: PulseSchedule, bytes_of: dict[int, int]) -> str:
+def trims_text(schedule: PulseSchedule, bytes_of: dict[int, int]) -> str:
     """Return what a proof for any EEPROM is about."""
     trims = [(byte, schedule.channels[channel].pin) for channel, byte in bytes_of.items()]
     if not trims:
@@ -357,7 +357,7 @@ def _why_held(schedule: PulseSchedule) -> str:
     )
 
 
-def _waits_endlessly(search: SearchResult) -> int | None:
+def endless_wait(search: SearchResult) -> int | None:
     """Return a node from which the program can come back to it without a pulse."""
     graph: dict[int, list[int]] = {}
     for before, after, _ in search.waits:

@@ -16,14 +16,22 @@ import pytest
 from servogen.edges import PINS, edge_chunk
 from servogen.pic.image import Image
 from servogen.prove import counterexample
-from servogen.prove.certificate import _column, _heard, _is_settled, _place, _row, certificate, image_digest
+from servogen.prove.certificate import (
+    certificate,
+    compact_column,
+    heard_text,
+    image_digest,
+    is_settled,
+    place_key,
+    row_cells,
+)
 from servogen.prove.chip import BASE, FIELD, FIELDS, AssumedBits
 from servogen.prove.counterexample import (
     Case,
     Counterexample,
-    _judge,
-    _requesting,
     concrete,
+    flag_changes,
+    judge_run,
     levels_of,
     path_to,
     pin_changes,
@@ -32,7 +40,7 @@ from servogen.prove.counterexample import (
 from servogen.prove.explore import SearchFinding, why_undecided
 from servogen.prove.forks import Choices
 from servogen.prove.nodes import Decision, Node
-from servogen.prove.prover import _trims_text, _waits_endlessly, held_assumptions
+from servogen.prove.prover import endless_wait, held_assumptions, trims_text
 from servogen.prove.quantifiers import EVERYTHING, ChipTrial, Quantifiers, trials
 from servogen.prove.specification import BEFORE, IN_FRAME, OVER, Specification, SpecState, Violation
 from servogen.pulse import PulseSchedule
@@ -180,40 +188,40 @@ def test_flags_of_pins_are_pulses_on_rb0_and_changes_of_a_free_pin() -> None:
     RBIF, INTF = 1, 2
     # RB6 is a servo's, so RB7 is the first free pin.
     rb7, rb5 = PINS.index("RB7"), PINS.index("RB5")
-    assert _requesting(case(), [], False) == []
-    assert _requesting(case(), [(10, INTF), (20, INTF)], False) == [
+    assert flag_changes(case(), [], False) == []
+    assert flag_changes(case(), [(10, INTF), (20, INTF)], False) == [
         (0, RB0, 0), (10, RB0, 1), (11, RB0, 0), (20, RB0, 1), (21, RB0, 0)
     ]  # fmt: skip
-    assert _requesting(case(), [(10, INTF)], True) == [(0, RB0, 1), (10, RB0, 0), (11, RB0, 1)]
-    assert _requesting(case(), [(10, RBIF), (20, RBIF), (30, RBIF)], False) == [
+    assert flag_changes(case(), [(10, INTF)], True) == [(0, RB0, 1), (10, RB0, 0), (11, RB0, 1)]
+    assert flag_changes(case(), [(10, RBIF), (20, RBIF), (30, RBIF)], False) == [
         (0, rb7, 0), (10, rb7, 1), (20, rb7, 0), (30, rb7, 1)
     ]  # fmt: skip
-    assert _requesting(case(held={rb7: 1}), [(10, RBIF)], False) == [(0, rb5, 0), (10, rb5, 1)]
-    both = _requesting(case(), [(10, RBIF | INTF)], False)
+    assert flag_changes(case(held={rb7: 1}), [(10, RBIF)], False) == [(0, rb5, 0), (10, rb5, 1)]
+    both = flag_changes(case(), [(10, RBIF | INTF)], False)
     assert {pin for _, pin, _ in both} == {RB0, rb7}
     taken = dict.fromkeys(range(rb7 - 3, rb7 + 1), 1)
-    assert _requesting(case(held=taken), [(10, RBIF)], False) == []
+    assert flag_changes(case(held=taken), [(10, RBIF)], False) == []
 
 
 def test_a_run_is_judged_with_its_samples_and_its_end() -> None:
     spec = Specification(SCHEDULE, ButtonRule(None, Input("RA4", 0), True, 3))
     right = [(100, RB0, 1), (1600, RB0, 0), (20_100, RB0, 1), (21_600, RB0, 0)]
     samples = [(15_000, RA4, 1), (35_000, RA4, 1)]
-    _judge(spec, right, samples, 40_000)
+    judge_run(spec, right, samples, 40_000)
     with pytest.raises(Violation) as wrong:
-        _judge(spec, [*right[:3], (21_605, RB0, 0)], samples, 40_000)
+        judge_run(spec, [*right[:3], (21_605, RB0, 0)], samples, 40_000)
     assert (wrong.value.cycle, wrong.value.message) == (21_600, "the fall of RB0 comes 5 cycles late")
     with pytest.raises(Violation) as wrong:
-        _judge(spec, right, samples[:1], 40_101)
+        judge_run(spec, right, samples[:1], 40_101)
     assert wrong.value.message == "RA4 is not read in a frame"
     assert wrong.value.cycle == 40_100, "the end of the second frame, since reset"
     # RA0 is pin 0.
     first = Specification(SCHEDULE, ButtonRule(None, Input("RA0", 0), True, 3))
-    _judge(first, right, [(15_000, 0, 1), (35_000, 0, 1)], 40_100)
+    judge_run(first, right, [(15_000, 0, 1), (35_000, 0, 1)], 40_100)
     spec = Specification(SCHEDULE, None)
-    _judge(spec, [], [], 50 * 20_000 - 1)
+    judge_run(spec, [], [], 50 * 20_000 - 1)
     with pytest.raises(Violation) as wrong:
-        _judge(spec, [], [], 50 * 20_000)
+        judge_run(spec, [], [], 50 * 20_000)
     assert (wrong.value.message, wrong.value.cycle) == ("no pulse comes", 50 * 20_000)
 
 
@@ -233,7 +241,7 @@ class Machines:
         return self.right if self.right is not None and self.trial.reset is None else self.edges
 
     def install(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(counterexample, "_machine", self.machine)
+        monkeypatch.setattr(counterexample, "trial_machine", self.machine)
         monkeypatch.setattr(counterexample, "pin_changes", self.changes)
 
 
@@ -304,12 +312,12 @@ def test_the_chip_of_a_trial_has_its_levels_and_its_reset(monkeypatch: pytest.Mo
         (ChipTrial(PLAIN), 1),
         (ChipTrial(PLAIN, 70), 2),
     ):
-        counterexample._machine(case(), trial, levels)
+        counterexample.trial_machine(case(), trial, levels)
         options, stimuli = made[-1]
         assert options is PLAIN and len(stimuli) == sources
     reset = made[-1][1][1]
     assert (reset.pressed, reset.released) == (70, 71)
-    counterexample._machine(case(), ChipTrial(PLAIN), ())
+    counterexample.trial_machine(case(), ChipTrial(PLAIN), ())
     assert made[-1][1] is None
 
 
@@ -411,8 +419,8 @@ def test_a_digest_is_of_the_words_the_configuration_and_the_whole_eeprom() -> No
 
 
 def test_a_column_is_one_value_or_differences() -> None:
-    assert _column([7, 7, 7]) == {"all": 7}
-    assert _column([7, 7, 5, 9]) == {"delta": [7, 0, -2, 4]}
+    assert compact_column([7, 7, 7]) == {"all": 7}
+    assert compact_column([7, 7, 5, 9]) == {"delta": [7, 0, -2, 4]}
 
 
 def test_a_proof_that_is_none_has_no_certificate() -> None:
@@ -504,15 +512,15 @@ def test_a_place_has_the_memory_of_buttons_and_what_was_read_of_them() -> None:
     schedule = replace(SCHEDULE, buttons=BUTTONS)
     ra2, rb7 = PINS.index("RA2"), PINS.index("RB7")
     spec = SpecState(IN_FRAME, 5, 6, running=0, on=1, start_seen=2, stop_seen=3)
-    assert _place(spec, schedule, None) == ((0, 1, 2, 3), 0, 0)
+    assert place_key(spec, schedule, None) == ((0, 1, 2, 3), 0, 0)
     read = spec._replace(start_sample=1)
-    assert _place(read, schedule, None) == ((0, 1, 2, 3), 1 << ra2, 1 << ra2)
+    assert place_key(read, schedule, None) == ((0, 1, 2, 3), 1 << ra2, 1 << ra2)
     read = spec._replace(start_sample=0, stop_sample=1)
-    assert _place(read, schedule, None) == ((0, 1, 2, 3), 1 << rb7, 1 << ra2 | 1 << rb7)
-    assert _place(spec._replace(stop_sample=0), schedule, None)[1:] == (0, 1 << rb7)
+    assert place_key(read, schedule, None) == ((0, 1, 2, 3), 1 << rb7, 1 << ra2 | 1 << rb7)
+    assert place_key(spec._replace(stop_sample=0), schedule, None)[1:] == (0, 1 << rb7)
     only = replace(schedule, buttons=replace(BUTTONS, start=None))
-    assert _place(read, only, None)[1:] == (1 << rb7, 1 << rb7)
-    assert _place(spec, SCHEDULE, None) == ((0, 1, 2, 3), 0, 0)
+    assert place_key(read, only, None)[1:] == (1 << rb7, 1 << rb7)
+    assert place_key(spec, SCHEDULE, None) == ((0, 1, 2, 3), 0, 0)
 
 
 def directions(*selectors: Any) -> tuple[DirectionRuns, ...]:
@@ -524,10 +532,10 @@ def test_a_place_has_the_memory_of_what_commands_a_walk() -> None:
     line = CommandRule(CodeLine(Input("RA4", 1), 3, 5), directions("01"))
     spec = SpecState(IN_FRAME, 5, 6, wanted=2, heard=0b1011, line_read=1)
     # A code of which 0, 1, 1 came after the start; then a run of levels that are none.
-    assert _place(spec, SCHEDULE, line) == ((2, "0011"), 0, 1 << ra4)
-    assert _place(spec._replace(heard=64 + 3, line_read=0), SCHEDULE, line) == ((2, "-000"), 0, 0)
+    assert place_key(spec, SCHEDULE, line) == ((2, "0011"), 0, 1 << ra4)
+    assert place_key(spec._replace(heard=64 + 3, line_read=0), SCHEDULE, line) == ((2, "-000"), 0, 0)
     button = CommandRule(StepButton(Input("RA4", 0), 3), directions(None, None))
-    assert _place(spec._replace(heard=8 * 1 + 2), SCHEDULE, button) == ((2, 1, 2), 0, 1 << ra4)
+    assert place_key(spec._replace(heard=8 * 1 + 2), SCHEDULE, button) == ((2, 1, 2), 0, 1 << ra4)
     buttons = CommandRule(DirectionButtons(3), directions(Input("RA2", 0), Input("RB7", 1)))
     ra2, rb7 = 1 << PINS.index("RA2"), 1 << PINS.index("RB7")
     for read, levels, sampled in (
@@ -539,7 +547,7 @@ def test_a_place_has_the_memory_of_what_commands_a_walk() -> None:
         (6 | 2 << 2, 0, ra2 | rb7),
     ):
         state = spec._replace(heard=8 * 2 + 1, line_read=read)
-        assert _place(state, SCHEDULE, buttons) == ((2, 1, 2), levels, sampled), read
+        assert place_key(state, SCHEDULE, buttons) == ((2, 1, 2), levels, sampled), read
 
 
 @pytest.mark.parametrize(
@@ -559,7 +567,7 @@ def test_a_place_has_the_memory_of_what_commands_a_walk() -> None:
     ],
 )
 def test_a_memory_of_a_line_in_levels(heard: int, rest: int, text: str) -> None:
-    assert _heard(heard, rest) == text
+    assert heard_text(heard, rest) == text
 
 
 # sentences of a proof
@@ -582,8 +590,8 @@ def test_why_a_pin_is_held() -> None:
 
 
 def test_which_byte_of_the_eeprom_is_whose_trim() -> None:
-    assert _trims_text(SCHEDULE, {}) == "the EEPROM holds anything: no pulse depends on it"
-    assert _trims_text(SCHEDULE, {0: 7, 1: 0}) == (
+    assert trims_text(SCHEDULE, {}) == "the EEPROM holds anything: no pulse depends on it"
+    assert trims_text(SCHEDULE, {0: 7, 1: 0}) == (
         "the EEPROM holds anything; each pulse is longer than the schedule's by the byte that is its trim, "
         "in two's complement, 0xFF being none: byte 0 of RB6, 7 of RB0"
     )
@@ -607,7 +615,7 @@ def test_what_is_not_decided_names_its_place() -> None:
 )
 def test_a_program_that_comes_back_to_a_state_without_a_pulse_waits_endlessly(waits: Any, node: Any) -> None:
     search: Any = SimpleNamespace(waits=[(*wait, 10) for wait in waits])
-    found = _waits_endlessly(search)
+    found = endless_wait(search)
     assert found == node if not isinstance(node, set) else found in node
 
 
@@ -629,7 +637,7 @@ def beside_ram(rest: Callable[[int], tuple[int, ...]]) -> Any:
 
 def row_of(**fields: int) -> dict[str, int]:
     transitions = beside_ram(lambda number: fields_of(**fields))
-    return _row(transitions, 0)
+    return row_cells(transitions, 0)
 
 
 def test_a_row_has_cells_of_values_unknown_bits_and_phi() -> None:
@@ -668,7 +676,7 @@ def test_the_prescaler_is_its_count_below_its_ratio() -> None:
 def test_states_within_an_interrupt_or_while_the_timer_stands_are_not_listed() -> None:
     def settled(**fields: int) -> bool:
         transitions = beside_ram(lambda number: fields_of(**fields))
-        return _is_settled(transitions, 0)
+        return is_settled(transitions, 0)
 
     assert settled() and settled(T0_AT=BASE - 9)
     assert not settled(T0_AT=BASE + 1) and not settled(IRQ_AT=BASE)

@@ -6,13 +6,13 @@
 from __future__ import annotations
 
 import random
-import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from typing import Any
 
 import pytest
 
+from servogen.edges import PINS
 from servogen.engines.stream.engine import stream
 from servogen.engines.stream.firmware import compiled, firmware
 from servogen.engines.stream.protocol import NO_TRIM, SYNC, CommandKind, command_of
@@ -21,9 +21,11 @@ from servogen.job import PlannedJob, load, loads, plan_job
 from servogen.pic.image import Image, read_hex
 from servogen.pic.isa import encode
 from servogen.pic.listing import Listing, ListingRow
+from servogen.prove.counterexample import pin_changes
 from servogen.prove.stream.bits import FALSE, Bits, Truth, byte
 from servogen.prove.stream.chip import NOTHING, ReceiverState, StreamChip
-from servogen.prove.stream.counterexample import NOBODY, CounterexampleSearch
+from servogen.prove.stream.counterexample import CounterexampleSearch, Suspect
+from servogen.simulator import Levels, Machine, Stimuli
 from tests.engines.stream import chip_model
 from tests.engines.stream.stream_soak import JOBS, TWELVE
 
@@ -254,17 +256,6 @@ def test_the_turns_of_the_division_are_counted(listing: Listing, monkeypatch: py
     assert one.divided == 778 // 256 + 1
 
 
-def test_each_run_begins_with_a_solver_that_has_learned_nothing(
-    listing: Listing, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    one = lemmas(listing)
-    forgotten: list[int] = []
-    monkeypatch.setattr(one.solver, "forget", lambda: forgotten.append(one.runs))
-    one.idle()
-    one.rise()
-    assert forgotten == [1, 2] and one.suspect == NOBODY
-
-
 def fault(check: Callable[[], object]) -> str:
     """The reason for which a lemma does not hold or is not followed."""
     from servogen.prove.stream.execution import NotFollowed
@@ -370,17 +361,6 @@ def test_what_the_interrupt_only_reads_main_may_not_write(listing: Listing) -> N
         assert fault(lambda: one.check_sharing(nothing, nothing, Accesses(none, left), none)) == text  # noqa: B023
         both = Accesses(left, none)
         assert fault(lambda: one.check_sharing(nothing, both, both, none)) == ""  # noqa: B023
-
-
-def test_a_failure_shows_eight_values_at_most(listing: Listing) -> None:
-    one = lemmas(listing)
-    execution = one._execution()
-    first = one.names.at("width_low")
-    places = range(first, first + 9)
-    from servogen.prove.stream.bits import all_of
-
-    assert one.solver.possible(all_of(execution.initial(place).equals(1) for place in places))
-    assert one._example_text(execution).count(" = 1") == 8
 
 
 Change = Callable[[Listing], Listing]
@@ -603,25 +583,6 @@ def test_an_interrupt_that_leaves_the_bank_is_noticed(listing: Listing) -> None:
         lemmas(changed(listing, restore - 2, encode("CLRF", f=listing.variable("left")))).context()
 
 
-def test_names_of_places_and_values_of_a_failure(listing: Listing) -> None:
-    one = lemmas(listing)
-    assert (
-        one._place_name(0x100) == "byte 0 of the EEPROM" and one._place_name(0x102) == "byte 2 of the EEPROM"
-    )
-    assert one._place_name(0x103) == "place 0x103" and one._place_name(0x86) == "TRISB"
-    assert one._place_name(listing.variable("left")) == "left"
-    assert one._place_name(listing.variable("speed") + 1) == "speed[1]"
-    execution = one._execution()
-    left, slot = one.names.at("left"), one.names.at("slot")
-    assert one.solver.possible(execution.initial(left).equals(7) & execution.initial(slot).equals(0))
-    # Those that are not 0, in the order of their places.
-    assert one._example_text(execution) == ", if left = 7"
-    assert one.solver.possible(execution.initial(left).equals(7) & execution.initial(slot).equals(3))
-    both = sorted([(left, "left = 7"), (slot, "slot = 3")])
-    assert one._example_text(execution) == ", if " + ", ".join(text for _, text in both)
-    assert one.runs == 1
-
-
 # counterexamples
 
 
@@ -635,6 +596,9 @@ def listing_of(text: str) -> Listing:
     return firmware(text, ARM, "c2c").compilation.listing
 
 
+NAMES = ("base", "shoulder", "grip")
+RARE = changed_text("left = value;", "left = value; if (left == 77) left = 9;")
+"""Of 254 times of a group one is wrong."""
 MASKED = "asm {\n    bcf     INTCON, 7\n    nop\n    bsf     INTCON, 7\n    }"
 
 
@@ -732,20 +696,37 @@ def test_main_and_an_interrupt_together_fit_the_stack() -> None:
 
 
 @pytest.mark.campaign
-def test_the_values_of_a_failed_lemma_lead_to_a_line_that_shows_it() -> None:
-    # Of 254 times of a group one is wrong: random lines hardly find it, but the solver names it.
-    text = changed_text("left = value;", "left = value; if (left == 77) left = 9;")
-    made = firmware(text, ARM, "c2c").compilation
-    one = lemmas(made.listing)
+def test_a_failed_lemma_names_the_values_for_which_it_fails() -> None:
+    one = lemmas(listing_of(RARE))
     from servogen.prove.stream.lemmas import Fails
 
     with pytest.raises(Fails, match="the command FF 80: left becomes 9, not 77"):
         one.execute((0x80,))
     assert (one.suspect.second, one.suspect.third) == (0x80, 77)
-    search = CounterexampleSearch(made.image, ARM, STREAMED, lambda what: None)
-    assert search.first() is None
-    found = search.about(one.suspect)
-    assert found is not None and found.eeprom is not None
+
+
+@pytest.mark.parametrize("trims", [(), (5, 0x90, 0xFF)])
+def test_a_rare_fault_is_shown_by_a_run_once_it_is_suspected(trims: tuple[int, ...]) -> None:
+    """On the line that shows it, the pulses are the right program's until then."""
+    chip = StreamChip.after_reset(STREAMED, [byte(trim) for trim in trims]) if trims else None
+    wrong = firmware(RARE, ARM, "c2c").compilation.image
+    search = CounterexampleSearch(wrong, ARM, STREAMED, lambda what: None)
+    found = search.about(Suspect(chip, second=0x80, third=77))
+    assert found is not None and found.message.startswith(tuple(f"{name}'s pulse" for name in NAMES))
+    assert found.eeprom == (dict(enumerate(trims)) or None), (
+        "without trims to come near, this line has the file's"
+    )
+
+    def edges(image: Image, end: int) -> list[tuple[int, int, int]]:
+        pins = Stimuli([Levels(PINS.index(pin), levels) for pin, levels in found.levels])
+        whole = replace(image, eeprom=dict.fromkeys(range(64), 0xFF) | (found.eeprom or {}))
+        changes = pin_changes(Machine(whole, ARM.clock, found.options, pins), 0, end)
+        return [edge for edge in changes if PINS[edge[1]] != STREAMED.stream.transmit_pin]
+
+    right = read_hex((JOBS.parent / "firmware" / "stream-arm" / "main.hex").read_text(), "main.hex").image
+    before = found.cycle - STREAMED.layout.period
+    assert edges(wrong, before) == edges(right, before)
+    assert edges(wrong, found.cycle + 1) != edges(right, found.cycle + 1)
 
 
 def test_the_right_program_has_no_counterexample() -> None:
@@ -768,22 +749,6 @@ def test_a_fault_that_no_pulse_shows_is_not_decided(
     proof = prove_line(image, other, ARM, STREAMED, lambda what: None)
     assert not proof.proven and proof.counterexample is None
     assert "OPTION_REG becomes 142, not 143" in proof.reason
-
-
-def test_a_proof_states_how_late_a_pulse_and_a_command_may_be(
-    listing: Listing, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """At 4 MHz a slot is 13 rounds of 256 µs; two slots and a round are 6912 µs, a frame is six slots."""
-    pytest.importorskip("bitwuzla", reason="the solver is not installed")
-    from servogen.prove.stream.proof import _Proof
-
-    monkeypatch.setattr(_Proof, "_data", lambda proof: [])
-    monkeypatch.setattr(_Proof, "_edges", lambda proof: [])
-    findings = _Proof(listing, ARM, STREAMED, lemmas(listing), lambda what: None).prove()
-    assert [re.findall(r"\d+(?= µs| cycles| of|$)", each)[-2:] for each in findings[1:]] == [
-        ["1043", "3328"],
-        ["6912", "26880"],
-    ]
 
 
 # the specification, with the second one that the simulator's edges are compared with

@@ -1,4 +1,4 @@
-"""Random lines for a stream program: their waveforms, what they command, and which pulses are then right.
+"""Lines for a stream program: waveforms, commands, right pulses, and the states of chip and receiver.
 
 Times are those of jobs/stream-arm.toml: at 4 MHz a cycle is 1 µs, a bit of 2400 baud 1250/3 cycles, a slot 13
 rounds of 256 cycles, and a frame six slots.
@@ -27,38 +27,15 @@ from servogen.engines.stream.protocol import (
 )
 from servogen.engines.stream.streaming import Streaming
 from servogen.job import load, plan_job
-from servogen.pic.image import Image
 from servogen.prove.specification import Edge
 from servogen.prove.stream import counterexample
 from servogen.prove.stream.bits import FALSE, TRUE, Bits, Truth, byte
 from servogen.prove.stream.chip import NOTHING, ReceiverState, StreamChip
-from servogen.prove.stream.counterexample import (
-    NOBODY,
-    CounterexampleSearch,
-    Sender,
-    Sent,
-    Suspect,
-    WrongPulse,
-    _approach,
-    _broken,
-    _described,
-    _first_rise,
-    _group,
-    _show,
-    _suspected,
-    _talk,
-    _text,
-    _third,
-    _Trial,
-    wrong_pulse,
-)
-from servogen.simulator import SimulatorOptions
+from servogen.prove.stream.counterexample import Sender, Sent, wrong_pulse
 from tests.engines.stream import chip_model
 from tests.engines.stream.stream_soak import JOBS
 
-JOB = plan_job(load(JOBS / "stream-arm.toml"))
-ARM = stream(JOB)[1]
-OPTIONS = SimulatorOptions()
+ARM = stream(plan_job(load(JOBS / "stream-arm.toml")))[1]
 BIT = Fraction(1_000_000, 2400)
 SLOT, FRAME = 13 * 256, 6 * 13 * 256
 RB0, RB1, RB2 = (PINS.index(pin) for pin in ("RB0", "RB1", "RB2"))
@@ -237,151 +214,12 @@ def test_noise_lasts_as_long_as_asked_and_commands_nothing() -> None:
     assert second.begins == int(int(before) % 1 + before + 9 * 600 + int(20 * BIT) + 29 * BIT)
 
 
-# what is sent
-
-
-def bytes_of(one: Sender) -> list[tuple[int, int]]:
-    return [(command.second, command.third) for command in one.sent]
-
-
-def test_what_is_suspected_is_sent_with_the_third_byte_of_the_solver_in_half_of_the_lines() -> None:
-    for low, third in ((0.49, 33), (0.5, None)):
-        one = sender(low=low)
-        _suspected(one, Suspect(second=0x41, third=33))
-        ((second, value),) = bytes_of(one)
-        assert second == 0x41
-        if third is not None:
-            assert value == third
-    one = sender()
-    _suspected(one, NOBODY)
-    assert not one.sent and one.now == 0
-    # At any time of a frame.
-    begins = []
-    for seed in range(20):
-        one = Sender(ARM, random.Random(seed))
-        _suspected(one, Suspect(second=0x41))
-        begins.append(one.sent[0].begins - 29 * BIT)
-    assert min(begins) < FRAME / 4 and FRAME * 3 / 4 < max(begins) < FRAME + 10 * BIT
-    one = sender(low=0.1)
-    _suspected(one, Suspect(second=0x02))
-    assert bytes_of(one)[0][0] == 2
-
-
-def test_third_bytes_are_often_the_limits() -> None:
-    dice = random.Random(4)
-    thirds = [_third(dice) for _ in range(2000)]
-    assert set(thirds) >= {0, 1, 127, 254} and max(thirds) == 254 and min(thirds) == 0
-    # Each of four limits is one of ten choices, or one of 255 in six of them.
-    for limit in (0, 1, 127, 254):
-        assert 150 < thirds.count(limit) < 260
-
-
-def test_a_group_begins_moves_servos_and_starts() -> None:
-    for seed in range(20):
-        one = Sender(ARM, random.Random(seed))
-        _group(one)
-        commands = bytes_of(one)
-        assert commands[0] == (0x80, 0) and commands[-1][0] == 0x80
-        assert commands[-1][1] in (1, 2, 3, 7, 30, 254)
-        assert len(commands) <= 2 + 3 and all(second < 3 for second, _ in commands[1:-1])
-
-
-def test_a_broken_command_is_none() -> None:
-    for seed in range(20):
-        one = Sender(ARM, random.Random(seed))
-        _broken(one)
-        assert not one.sent
-        one.byte(1)
-        one.byte(2)
-        assert not one.sent, "and what it has begun is void"
-        assert any(level == 0 for _, level in one.levels)
-
-
-def test_the_end_of_a_line_moves_all_servos() -> None:
-    one = Sender(ARM, random.Random(3))
-    _show(one)
-    commands = bytes_of(one)
-    assert [second for second, _ in commands[:3]] == [0, 1, 2]
-    assert commands[3] == (0x80, 0) and commands[-1][0] == 0x80
-    # Up to four frames before it, two frames for the positions, three at least after the group's start.
-    one = sender(low=0.5)
-    _show(one)
-    assert one.sent[0].ends == int(2 * FRAME + 30 * BIT) + 1
-    assert 2 * FRAME < one.sent[3].begins - one.sent[2].ends < 2 * FRAME + 30 * BIT
-    assert one.now - one.sent[-1].ends == pytest.approx(4 * FRAME + 3 * FRAME, abs=2)
-
-
-def test_random_talk_contains_every_kind_of_command_and_silence() -> None:
-    one = Sender(ARM, random.Random(9))
-    gaps = []
-    for _ in range(600):
-        before = one.now
-        _talk(one, NOBODY)
-        gaps.append(one.now - before)
-    seconds = {second for second, _ in bytes_of(one)}
-    assert {*range(3), *range(0x40, 0x43), 0x80, *range(0xC0, 0xC3), 0xF0, NOTHING} <= seconds
-    # Once the fail-safe has acted: 50 frames of silence, 50 to the neutral pose.
-    assert max(gaps) >= 103 * FRAME
-    suspects = Sender(ARM, random.Random(9))
-    for _ in range(200):
-        _talk(suspects, Suspect(second=0x77, third=9))
-    often = [third for second, third in bytes_of(suspects) if second == 0x77]
-    assert len(often) > 15 and 9 in often
+# judging
 
 
 def chip_with(**changes: Any) -> StreamChip:
     chip = StreamChip.after_reset(ARM, [byte(0xFF)] * 3)
     return replace(chip, **changes)
-
-
-def test_a_line_brings_the_chip_near_the_variables_of_the_suspect() -> None:
-    widths = [Bits(16, 1000 + 20), Bits(16, 1889), Bits(16, 1500)]
-    goals = [Bits(16, 2000 + 20), Bits(16, 1111), Bits(16, 1250)]
-    chip = chip_with(
-        trims=[byte(20), byte(0xFF), byte(0xFF)],
-        widths=widths,
-        goals=goals,
-        speeds=[byte(7), byte(255), byte(0)],
-        group=[FALSE, TRUE, FALSE],
-        waiting=[FALSE, FALSE, TRUE],
-        left=byte(9),
-        gathering=TRUE,
-    )
-    one = Sender(ARM, random.Random(2))
-    _approach(one, chip)
-    # Positions of the widths (0 to 254 between the ends), then of the goals.
-    middle = ARM.travels[2].nearest(1500)
-    assert bytes_of(one) == [
-        (0, 0), (1, 254), (2, middle),
-        (0x40, 7), (0, 254),
-        (0x80, 0), (1, 0), (0x80, 9),
-        (0x80, 0), (2, 0),
-    ]  # fmt: skip
-    one = Sender(ARM, random.Random(2))
-    _approach(one, chip_with(speeds=[byte(255)] * 3))
-    assert bytes_of(one)[3::2] == [(0x40, 254), (0x41, 254), (0x42, 254)], "254 is the largest third byte"
-    one = Sender(ARM, random.Random(2))
-    _approach(one, chip_with(group=[TRUE] * 3, left=byte(0)))
-    assert bytes_of(one)[-1] == (0x80, 1), "a group takes one frame at least"
-    # A trim of -128 (0x80) is part of the width: the position is that without it.
-    one = Sender(ARM, random.Random(2))
-    low = [Bits(16, int(travel.minimum) - 128) for travel in ARM.travels]
-    _approach(one, chip_with(trims=[byte(0x80)] * 3, widths=low, goals=low))
-    assert bytes_of(one)[:3] == [(0, 0), (1, 0), (2, 0)]
-
-
-def test_a_silent_suspect_is_approached_by_silence_in_half_of_the_lines() -> None:
-    def ends(low: float, silence: int) -> Fraction:
-        one = sender(low=low)
-        _approach(one, chip_with(silence=byte(silence)))
-        return one.now
-
-    assert ends(0.49, 12) - ends(0.49, 2) == 10 * FRAME
-    assert ends(0.49, 2) == ends(0.49, 0)
-    assert ends(0.5, 12) == ends(0.5, 2)
-
-
-# judging
 
 
 def pulses(widths: Sequence[Sequence[int | None]], begin: int = 700) -> list[Edge]:
@@ -526,150 +364,6 @@ def test_a_run_with_too_many_possible_chips_is_not_judged(monkeypatch: pytest.Mo
     for most, noticed in ((2, True), (1, False)):
         monkeypatch.setattr(counterexample, "MAX_CHIPS", most)
         assert (judged(wrong, [lasting]) is not None) == noticed
-
-
-def test_a_run_shows_its_levels_and_its_last_command_up_to_the_fault(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A command whose stop bit is over when the pulse is wrong; levels from then on are left out."""
-    one = sender()
-    one.levels = [(0, 1), (100, 0), (2000, 1), (2001, 0)]
-    one.sent = [Sent(10, 20, 0x41, 7), Sent(1990, 2000, 0, 9), Sent(1990, 2001, 0, 1)]
-    images: list[Image] = []
-
-    def machine(image: Image, *arguments: Any) -> None:
-        images.append(image)
-
-    monkeypatch.setattr(counterexample, "Machine", machine)
-    monkeypatch.setattr(counterexample, "pin_changes", lambda machine, begun, end: [(begun, 0, end)])
-    asked: list[Any] = []
-    wrong: Any = WrongPulse("a pulse is wrong", 2000)
-
-    def judge(streamed: Any, edges: Any, sent: Any, trims: Any, end: int) -> Any:
-        asked.append((edges, list(trims), end))
-        return wrong
-
-    monkeypatch.setattr(counterexample, "wrong_pulse", judge)
-    search = CounterexampleSearch(Image({}, eeprom={0: 5, 2: 9}), JOB, ARM, lambda what: None)
-    found = search._run(_Trial(OPTIONS, {1: 7}, one))
-    assert found is not None
-    assert (found.message, found.cycle) == ("a pulse is wrong after the command FF 00 09", 2000)
-    assert found.levels == (("RA4", ((0, 1), (100, 0), (2000, 1))),) and found.eeprom == {1: 7}
-    # Fifty frames at least, in which the first pulse has to come.
-    assert asked == [([(0, 0, 50 * FRAME)], [0xFF, 7, 0xFF], 50 * FRAME)]
-    assert images[0].eeprom == {n: 7 if n == 1 else 0xFF for n in range(64)}
-    one.now = Fraction(60 * FRAME)
-    wrong = WrongPulse("early", 15)
-    found = search._run(_Trial(OPTIONS, None, one))
-    assert found is not None and (found.message, found.eeprom) == ("early", None)
-    assert asked[-1] == ([(0, 0, 60 * FRAME)], [5, 0xFF, 9], 60 * FRAME) and images[1].eeprom == {0: 5, 2: 9}
-    wrong = None
-    assert search._run(_Trial(OPTIONS, None, one)) is None
-
-
-def test_lines_are_tried_at_random_then_about_the_suspect_then_at_random(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    told: list[str] = []
-    tried: list[bool] = []
-    seeds: list[float] = []
-
-    def trial(self: Any, dice: random.Random, suspect: Suspect) -> Any:
-        tried.append(suspect is not NOBODY)
-        seeds.append(dice.random())
-        return None
-
-    monkeypatch.setattr(CounterexampleSearch, "_trial", trial)
-    monkeypatch.setattr(
-        CounterexampleSearch, "_run", lambda self, trial: "shown" if len(tried) == last else None
-    )
-    search = CounterexampleSearch(Image({}), JOB, ARM, told.append)
-    last = -1
-    assert search.first() is None and tried == [False] * 20
-    assert told == [f"lines tried: {n} of 20" for n in range(20)]
-    assert seeds == [random.Random(seed).random() for seed in range(20)]
-    assert search.about(Suspect(second=1)) is None
-    assert tried[20:] == [True] * 100 + [False] * 300
-    assert told[20] == "lines tried: 0 of 400" and told[-1] == "lines tried: 399 of 400"
-    assert seeds[20:23] == [random.Random(seed).random() for seed in (20, 21, 22)]
-    tried.clear()
-    last = 3
-    assert search.first() == "shown" and len(tried) == 3
-
-
-def test_a_trial_has_a_board_an_eeprom_and_a_line_of_two_seconds() -> None:
-    search = CounterexampleSearch(Image({}), JOB, ARM, lambda what: None)
-    trials = [search._trial(random.Random(seed), NOBODY) for seed in range(30)]
-    for one in trials:
-        assert 2_000_000 < one.sender.now < 5_000_000
-        assert one.sender.levels[1][0] >= 3 * FRAME, "after the first pulses"
-        assert one.options.device == JOB.device.name
-    others = [one.options for one in trials if one.options.start_seed or one.options.tmr0_phase]
-    # Three chips of ten have another start; every other one has trims.
-    assert 3 <= len(others) <= 15 and {options.tmr0_phase for options in others} <= {0, 1, 2, 3}
-    trimmed = [one.eeprom for one in trials if one.eeprom is not None]
-    assert 9 <= len(trimmed) <= 21 and all(eeprom.keys() == {0, 1, 2} for eeprom in trimmed)
-    assert {0, 0x7F, 0xFF} <= {value for eeprom in trimmed for value in eeprom.values()}
-    chip = chip_with(trims=[byte(5), byte(6), byte(7)])
-    suspected = search._trial(random.Random(1), Suspect(chip, 0x41, 9))
-    assert suspected.eeprom == {0: 5, 1: 6, 2: 7}
-    commands = bytes_of(suspected.sender)
-    # Near the chip's widths of 1500 cycles without their trims; then the suspect, and all servos are moved.
-    assert commands[:3] == [(n, ARM.travels[n].nearest(1500 - 5 - n)) for n in range(3)]
-    speeds = [(0x40 + n, 0) for n in range(3)]
-    assert commands[3:9:2] == speeds and [second for second, _ in commands[4:9:2]] == [0, 1, 2]
-    assert commands[9][0] == 0x41 and [second for second, _ in commands[10:14]] == [0, 1, 2, 0x80]
-    assert (0x41, 9) in commands
-    # Every line ends with all servos in motion.
-    assert [bytes_of(one.sender)[-1][0] for one in trials] == [0x80] * 30
-
-
-# words
-
-
-def test_the_edges_of_a_slot_in_words() -> None:
-    assert _text([], 100) == "absent"
-    assert _text([(100, RB0, 1), (1600, RB0, 0)], 100) == "1500 cycles on RB0"
-    assert _text([(100, RB0, 1), (1600, RB1, 0)], 100) == "RB0 rises 0 later, RB1 falls 1500 later"
-    assert _text([(101, RB0, 1), (1600, RB0, 0)], 100) == "RB0 rises 1 later, RB0 falls 1500 later"
-    assert _text([(100, RB0, 0), (1600, RB0, 0)], 100) == "RB0 falls 0 later, RB0 falls 1500 later"
-    assert _text([(100, RB0, 1)], 100) == "RB0 rises 0 later"
-    many = [(100 + n, RB0, n % 2) for n in range(6)]
-    assert _text(many, 100).split(", ") == [
-        "RB0 falls 0 later", "RB0 rises 1 later", "RB0 falls 2 later", "RB0 rises 3 later"
-    ]  # fmt: skip
-
-
-def test_of_several_right_pulses_the_one_that_is_followed_longest_is_named() -> None:
-    def pulse(width: int, rise: int = 100) -> list[Edge]:
-        return [(rise, RB0, 1), (rise + width, RB0, 0)]
-
-    def described(seen: list[Edge], *due: list[Edge], slot: int = 0) -> tuple[str, int]:
-        wrong = _described(ARM, slot, 100, seen, due)
-        return wrong.message, wrong.cycle
-
-    at = "base's pulse at cycle 100 is 1500 cycles on RB0, not "
-    assert described(pulse(1500), pulse(1400), pulse(1600)) == (f"{at}1600 cycles on RB0", 1600)
-    assert described(pulse(1500), pulse(1600), pulse(1400)) == (f"{at}1600 cycles on RB0", 1600)
-    assert described(pulse(1500), []) == (f"{at}absent", 100)
-    assert described(pulse(1500)[:1], pulse(1500)) == (
-        "base's pulse at cycle 100 is RB0 rises 0 later, not 1500 cycles on RB0", 1600
-    )  # fmt: skip
-    wrong = _described(ARM, 0, 0, [], [pulse(1500, rise=0)])
-    assert (wrong.message, wrong.cycle) == ("base's pulse at cycle 0 is absent, not 1500 cycles on RB0", 0)
-    more = [*pulse(1500), (1700, RB1, 1)]
-    assert described(more, pulse(1500))[1] == 1700
-    assert described(pulse(1500), [], slot=2)[0].startswith("grip's pulse")
-    assert described(pulse(1500), [], slot=3)[0].startswith("a slot without a servo at cycle 100")
-
-
-def test_the_first_rise_is_that_of_a_pulse_of_more_than_ten_cycles() -> None:
-    assert _first_rise([]) is None
-    assert _first_rise([(5, RB0, 0)]) is None
-    assert _first_rise([(5, RB0, 1)]) == 5, "a pulse that does not end"
-    assert _first_rise([(5, RB0, 1), (15, RB0, 0)]) is None
-    assert _first_rise([(5, RB0, 1), (16, RB0, 0)]) == 5
-    # The fall is that of the same pin.
-    assert _first_rise([(5, RB0, 1), (6, RB1, 0), (16, RB0, 0)]) == 5
-    assert _first_rise([(5, RB0, 1), (9, RB0, 0), (20, RB1, 1), (99, RB1, 0)]) == 20
 
 
 # the variables of a chip

@@ -71,12 +71,12 @@ def prove_line(
     shown = search.first()
     if shown is not None:
         return LineProof(shown.message, counterexample=shown)
-    answer, suspect = _proof(image, listing, job, streamed, tell)
+    answer, suspect = by_lemmas(image, listing, job, streamed, tell)
     shown = None if answer.proven else search.about(suspect)
     return answer if shown is None else LineProof(answer.reason, counterexample=shown)
 
 
-def _proof(
+def by_lemmas(
     image: Image, listing: Listing | None, job: EngineJob, streamed: Streaming, tell: Tell
 ) -> tuple[LineProof, Suspect]:
     """Return what the lemmas say, and what is suspected if one fails."""
@@ -88,8 +88,8 @@ def _proof(
             )
         names = Names(_listing(image, listing, job, streamed, tell), streamed)
         lemmas = Lemmas(names, Solver(), lambda task, count, of: tell(f"{task}: {count} of {of}"))
-        findings = _Proof(names.listing, job, streamed, lemmas, tell).prove()
-        return LineProof("", tuple(findings), _assumptions(streamed)), NOBODY
+        findings = LineTheorem(names.listing, job, streamed, lemmas, tell).prove()
+        return LineProof("", tuple(findings), sender_assumptions(streamed)), NOBODY
     except (UndecidedPart, InterruptChanged, Fails, NotFollowed) as error:
         reason = str(error)
     except GivenUp:
@@ -101,7 +101,8 @@ def _proof(
     return LineProof(reason), NOBODY if lemmas is None else lemmas.suspect
 
 
-def _assumptions(streamed: Streaming) -> tuple[str, ...]:
+def sender_assumptions(streamed: Streaming) -> tuple[str, ...]:
+    """Return what a proof takes for granted about who sends."""
     assumptions = [
         f"the line is idle for {AFTER_TRIM_MS} ms after a trim: the EEPROM is being written",
         "a byte begins while the chip waits for one: after a byte, or after the line was high for ten bits",
@@ -144,7 +145,9 @@ def _unlike(image: Image, listing: Listing) -> int:
 
 
 @dataclass(slots=True)
-class _Proof:
+class LineTheorem:
+    """The parts of the proof; each returns what it found. Raises UndecidedPart where its limit is passed."""
+
     listing: Listing
     job: EngineJob
     streamed: Streaming
@@ -153,9 +156,9 @@ class _Proof:
 
     def prove(self) -> list[str]:
         """Return what was found. Raises Undecided, Fails, InterruptChanged, NotFollowed, GivenUp."""
-        return [*self._widths(), *self._data(), *self._times(), *self._edges()]
+        return [*self.widths(), *self._data(), *self.times(), *self.edges()]
 
-    def _widths(self) -> list[str]:
+    def widths(self) -> list[str]:
         """Check that every width of the lemmas fits its slot."""
         layout = self.streamed.layout
         least, most = (0, 0) if self.streamed.coarse else (LEAST_TRIM, MOST_TRIM)
@@ -165,7 +168,7 @@ class _Proof:
             raise UndecidedPart(f"pulses of {shortest} to {longest} cycles do not fit {layout.rounds} rounds")
         return [f"pulses of {shortest} to {longest} cycles, in slots of {layout.rounds * ROUND}"]
 
-    def _times(self) -> list[str]:
+    def times(self) -> list[str]:
         """Check that the C is in time, for pulses and for commands."""
         streamed, rounds = self.streamed, self.streamed.layout.rounds
         byte = (streamed.first_units + (BITS - 1) * streamed.bit_units) * UNIT
@@ -179,7 +182,7 @@ class _Proof:
         worst = bound.after_command
         if worst is None or bound.supply is None or bound.execute is None or worst > bound.supply:
             raise UndecidedPart(f"the C may be late for a pulse: it takes {worst} of {bound.supply} cycles")
-        self._check_command_in_time(bound, worst, BYTES * byte, travel)
+        self.check_command_in_time(bound, worst, BYTES * byte, travel)
         clock = streamed.plan.schedule.clock
         written = self.job.device.max_eeprom_write_us
         if streamed.stream.fail_safe != HOLD:
@@ -206,7 +209,7 @@ class _Proof:
             f"or later: within {float(latest_us):g} µs",
         ]
 
-    def _check_command_in_time(self, bound: Response, worst: int, interval: int, travel: int) -> None:
+    def check_command_in_time(self, bound: Response, worst: int, interval: int, travel: int) -> None:
         """Check that a command is executed before the next one can end: then none is torn."""
         rounds = self.streamed.layout.rounds
         # The request that starts the execution comes up to a slot after the command. An interval that begins
@@ -237,14 +240,14 @@ class _Proof:
             f"{lemmas.solver.questions} questions to the solver"
         ]
 
-    def _edges(self) -> list[str]:
+    def edges(self) -> list[str]:
         """Check the cycle of every edge, and that every bit is sampled within its time."""
         guaranteed = guarantee(
             self.listing,
             self.streamed,
             tell=lambda task, count, of: self.tell(f"{task}: {count} of {of} cycles"),
         )
-        self._check_samples(guaranteed)
+        self.check_samples(guaranteed)
         return [
             f"every edge is exact: a pulse begins in cycle {guaranteed.rise} of its round; interrupts "
             f"begin in {guaranteed.states} states",
@@ -252,7 +255,8 @@ class _Proof:
             f"{guaranteed.bit_gap} within a byte",
         ]
 
-    def _check_samples(self, guaranteed: Guarantee) -> None:
+    def check_samples(self, guaranteed: Guarantee) -> None:
+        """Check that every bit is sampled while it lasts, for every sender."""
         streamed = self.streamed
         bit = streamed.plan.schedule.clock.cycles_per_second / Fraction(streamed.stream.baud)
         for k in range(BITS):
