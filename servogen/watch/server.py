@@ -455,6 +455,7 @@ class WatchServer:
             process_request=self._respond,
             max_size=MAX_REQUEST_BYTES,
             compression=None,  # on this machine it costs more than it saves
+            ping_interval=None,  # and a connection ends with its other end, however slow that is
             server_header=None,
         )
         self.port = next(iter(server.sockets)).getsockname()[1]
