@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import inspect
 import re
 import sys
@@ -122,6 +123,7 @@ def _help_in_source(command: str) -> str:
 def _load(command: str) -> Command:
     """Return a command, ready to be called."""
     function = getattr(import_module(f"servogen.cli.{MODULES[command]}"), _function_name(command))
+    gc.enable()  # see `main`
     part = typer.Typer()
     part.callback()(_options)  # makes it a group, even of a single command
     settings = NEGATIVE_NUMBERS if command in WITH_NEGATIVE_NUMBERS else None

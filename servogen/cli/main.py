@@ -8,6 +8,7 @@ Output to a closed standard error is dropped, and does not change the exit code.
 
 from __future__ import annotations
 
+import gc
 import io
 import os
 import sys
@@ -129,6 +130,10 @@ def _run() -> int:
         return 0
     # pydantic would read the metadata of every installed package to find plugins, of which servogen has none.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
-    from servogen.cli.app import run  # typer alone takes longer than to print the version
+    gc.disable()  # imports make objects and no garbage; `app` switches it on when the command is loaded
+    try:
+        from servogen.cli.app import run  # typer alone takes longer than to print the version
 
-    return run()
+        return run()
+    finally:
+        gc.enable()
