@@ -253,7 +253,7 @@ def way_of(machine: Machine, s: chip.Ints) -> int:
     """The way that the simulator takes: an interrupt that was sampled a cycle ago, or two; or none, or one
     that the checker has sampled, too.
     """
-    ago, ways = machine.cycles - int(machine._s[at.IRQ_AT]), int(s[layout.ASKED_BITS])
+    ago, ways = machine.cycles - int(machine.numbers[at.IRQ_AT]), int(s[layout.ASKED_BITS])
     if ago <= 0 or s[layout.SAMPLED] > 1:
         return layout.NOTHING
     flags = [flag for flag in (layout.INTF, layout.RBIF, layout.T0IF) if ways & flag]
