@@ -398,7 +398,7 @@ class Lemmas:
             code.given = code.given & value.less(MAX_BYTE) & (slot & SLOT).less(slots)
             where = f"the command FF {second:02X}"
             ends = self._run_to(code, begin, {names.head}, where)
-            trims = second - CommandKind.TRIM.value in range(names.servos)
+            trims = not names.streamed.coarse and second - CommandKind.TRIM.value in range(names.servos)
             for address in sorted(code.switches):
                 word = word_of(names.words[address])
                 if not word.changes_bit or (word.f, word.b) != (INTCON, GIE):

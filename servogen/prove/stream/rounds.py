@@ -123,7 +123,8 @@ def guarantee(
     """
     layout = streamed.layout
     interrupt = interrupt_of(listing, streamed)
-    exact = _Closure(interrupt, layout, tuple(fines), MASKED, tell, "edges")
+    masked = 0 if streamed.coarse else MASKED
+    exact = _Closure(interrupt, layout, tuple(fines), masked, tell, "edges")
     exact.close()
     # Only a trim's write to the EEPROM masks interrupts, and senders leave the line alone while it begins.
     looking = replace(interrupt, gaps=True, edges=set())
