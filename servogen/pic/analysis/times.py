@@ -106,7 +106,7 @@ class ProgramTimes:
                 minimum = times.shortest if minimum is None else min(minimum, times.shortest)
             if unbounded or times.longest is None:
                 maximum = None
-                reasons += [_reason(loop) for loop in unbounded]
+                reasons += [in_words(loop) for loop in unbounded]
                 addresses += [address for loop in unbounded for address in loop.addresses]
                 if not unbounded:
                     reasons.append(f"no path from 0x{start:03X} gets there")
@@ -114,7 +114,7 @@ class ProgramTimes:
             elif maximum is not None:
                 maximum = max(maximum, times.longest)
         if maximum is not None and interrupts and self._paths.interrupts:
-            bound, why = self._with_interrupts(maximum)
+            bound, why = self.with_interrupts(maximum)
             if bound is None:
                 return CycleSpan(minimum, None, (why,))
             maximum = bound
@@ -125,7 +125,7 @@ class ProgramTimes:
         from_reset, by_interrupt = (self._program.reached(start) for start in (0, INTERRUPT_VECTOR))
         return not from_reset.isdisjoint(starts) and not by_interrupt.isdisjoint(ends)
 
-    def _with_interrupts(self, cycles: int) -> tuple[int | None, str]:
+    def with_interrupts(self, cycles: int) -> tuple[int | None, str]:
         """Return the response time of code that takes `cycles` undisturbed, or why it has no bound."""
         paths = self._paths
         others = [text for bit, text in SOURCES.items() if bit != T0IE and paths.interrupt_sources & bit]
@@ -139,13 +139,16 @@ class ProgramTimes:
             return None, "the program may set T0IF itself"
         if not self._clears_its_flag():
             return None, "the interrupt may return without clearing T0IF"
-        period, why = self._overflow_period()
+        period, why = self.overflow_period()
         if period is None:
             return None, why
         ahead = 3 * self._added() * self._prescale()
         times = self._program.between(INTERRUPT_VECTOR, self._interrupt_ends(), must_end=True)
         if times.longest is None or times.unbounded:
-            return None, f"the interrupt: {', '.join(map(_reason, times.unbounded)) or 'it never returns'}"
+            return (
+                None,
+                f"the interrupt: {', '.join(map(in_words, times.unbounded)) or 'it never returns'}",
+            )
         # 2: the RETFIE with which the interrupt's code ends, at which the measured time stops.
         one = times.longest + 2 + LATENCY
         # The least solution is approached from below; the bound only grows, so the first fixed point is the
@@ -195,7 +198,7 @@ class ProgramTimes:
             return [address + 2]
         return after if word.name == "BTFSC" and of_flag else [*after, address + 2]
 
-    def _overflow_period(self) -> tuple[int | None, str]:
+    def overflow_period(self) -> tuple[int | None, str]:
         """Return the number of cycles between two overflows of TMR0, the minimum or, if the interrupt adds to
         it, on average; or why it is not known.
         """
@@ -259,7 +262,7 @@ def _functions(paths: Paths) -> list[ListedFunction]:
     return [ListedFunction(f"0x{a:03X}", a, b) for a, b in zip(starts, ends, strict=True)]
 
 
-def _reason(why: Unbounded) -> str:
+def in_words(why: Unbounded) -> str:
     """Return in words why a time has no bound."""
     places = ", ".join(f"0x{address:03X}" for address in why.addresses[:4])
     more = "" if len(why.addresses) <= 4 else ", …"
