@@ -76,7 +76,9 @@ def program(seed: int, timer_unknown: bool = False) -> Image:
     enables = (0xA0, 0xA0, 0xE0, 0xB0) if timer_unknown else (0, 0, 0xA0, 0x20, 0x80)
     words += [encode("MOVLW", k=rng.choice(enables)), encode("MOVWF", f=0x0B)]
     main = len(words)
-    while len(words) < main + 60:
+    while timer_unknown and seed % 2 and len(words) < main + 9:  # a loop of nothing else
+        words += rng.choice(OVERTAKES)(rng)
+    while len(words) < main + (9 if timer_unknown and seed % 2 else 60):
         if timer_unknown and rng.random() < 0.1:  # as an overflow may just have come
             words += rng.choice(OVERTAKES)(rng)
         words += rng.choice(PIECES)(rng, len(words))
