@@ -19,6 +19,7 @@ MAX_TEXT_BYTES = 1 << 20
 """The maximum size of a text that is read whole: a job, a program, a HEX file. Real ones have a tenth."""
 
 _NUMBER = re.compile(r"[-+]?(\d{1,20}(\.\d{0,20})?|\.\d{1,20})([eE][-+]?\d{1,3})?", re.ASCII)
+_COUNT = re.compile(r"\d{1,20}", re.ASCII)
 
 
 def number_in(text: str) -> float | None:
@@ -26,6 +27,11 @@ def number_in(text: str) -> float | None:
     (`1_000`, `nan`, `infinity`, other digits), and so short that its exact value does not fill the memory.
     """
     return float(text) if _NUMBER.fullmatch(text.strip()) else None
+
+
+def count_in(text: str) -> int | None:
+    """Return the number that is the whole `text`, spaces aside: up to 20 digits."""
+    return int(text) if _COUNT.fullmatch(text.strip()) else None
 
 
 _KINDS = (

@@ -18,6 +18,7 @@ import typer
 from servogen.cli.options import Json, number
 from servogen.cli.show import as_json, next_step, status, table
 from servogen.errors import InputError, rendered
+from servogen.inputs import count_in
 from servogen.kinematics import queries
 from servogen.kinematics.catalogue import arm, robot
 from servogen.kinematics.protocol import WalkingRobot
@@ -294,7 +295,8 @@ def jacobian(
     json: Json = False,
 ) -> None:
     """Compute the geometric Jacobian at joint positions, and how well the robot moves there."""
-    wanted: Any = int(frame) if frame.isdecimal() else frame
+    index = count_in(frame)
+    wanted: Any = frame if index is None else index
     if symbolic and analytic is not None:
         raise InputError("conflicting-options", "--symbolic shows the geometric Jacobian: omit --analytic")
     if symbolic:

@@ -15,7 +15,7 @@ from servogen.debug.symbols import variable
 from servogen.debug.time_machine import TimeMachine
 from servogen.edges import PINS, EdgeChunk
 from servogen.errors import InputError
-from servogen.inputs import number_in
+from servogen.inputs import count_in
 from servogen.pic.listing import Listing
 
 FIRST_BACK_S = 0.1
@@ -68,14 +68,14 @@ def armed(breakpoint: Breakpoint, given: Mapping[str, Any], listing: Listing | N
             hint = "a comparison, such as width > 1500"
             raise InputError("bad-breakpoint", f"'{parsed.text}' is not a condition", hint=hint)
         condition = parsed
-    hits = str(given.get("hitCondition") or "1").strip().lstrip(">=").strip()
-    if not (number_in(hits) or 0) >= 1 or not hits.isdecimal():
+    hits = count_in(str(given.get("hitCondition") or "1").strip().lstrip(">="))
+    if not hits:
         message = f"'{given['hitCondition']}' is not a number of hits"
         raise InputError("bad-breakpoint", message, hint="5, or >= 5")
     printed = str(given["logMessage"]) if given.get("logMessage") else None
     if printed is not None and len(printed) > MAX_MESSAGE:
         raise InputError("bad-breakpoint", f"a message has up to {MAX_MESSAGE} characters")
-    return Armed(breakpoint, condition, int(hits), printed, listing)
+    return Armed(breakpoint, condition, hits, printed, listing)
 
 
 def unheard(text: str) -> None:

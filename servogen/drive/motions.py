@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from servogen.errors import InputError, Location, did_you_mean
+from servogen.inputs import count_in
 from servogen.job import PlannedJob
 from servogen.motion.trajectory import Floats, JointTrajectory
 from servogen.robot.servo import Servo
@@ -89,8 +90,9 @@ def pose_of(job: PlannedJob, text: str) -> Floats:
     names = {pose.name: index for index, pose in enumerate(job.poses) if pose.name}
     if text in names:
         return np.array(job.poses[names[text]].angles)
-    if text.isdecimal() and 1 <= int(text) <= len(job.poses):
-        return np.array(job.poses[int(text) - 1].angles)
+    number = count_in(text)
+    if number is not None and 1 <= number <= len(job.poses):
+        return np.array(job.poses[number - 1].angles)
     raise InputError(
         "unknown-name",
         f"the job has no pose '{text}'",

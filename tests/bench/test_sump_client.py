@@ -241,6 +241,7 @@ def test_a_run_longer_than_a_count_is_begun_again(length: int, words: list[int])
         ("15=RB0", "'15=RB0' is not a channel"),
         ("14=RB0", None),
         ("-1=RB0", "'-1=RB0' is not a channel"),
+        (f"{'9' * 5000}=RB0", f"'{'9' * 5000}=RB0' is not a channel"),
         ("0=RB8", "'0=RB8' is not a pin"),
     ],
 )

@@ -41,6 +41,7 @@ LAB8 = (ROOT / "jobs" / "lab8-exercise.toml").read_text()
             "syntax",
         ),
         (("drive", "jobs/scara-pick.toml", "--port", "x"), "the job has no [stream]", "internal"),
+        (("jacobian", "scara", "0", "0", "0", "0", "--frame", "9" * 5000), "no frame", "internal"),
     ],
 )
 def test_a_command_of_another_tool_is_understood(

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from servogen.errors import InputError
-from servogen.inputs import MAX_TEXT_BYTES, number_in, open_input, read_input, size_text
+from servogen.inputs import MAX_TEXT_BYTES, count_in, number_in, open_input, read_input, size_text
 from tests.time_limit import time_limit
 
 
@@ -141,3 +141,9 @@ def test_a_number_in_a_file_is_its_whole_text(text: str, number: float) -> None:
 )
 def test_what_is_only_in_part_a_number_is_none(text: str) -> None:
     assert number_in(text) is None
+
+
+def test_a_count_is_digits_alone_and_few() -> None:
+    assert [count_in(text) for text in ("0", " 12 ", "9" * 20)] == [0, 12, 10**20 - 1]
+    wrong = ("", "-1", "1.0", "1e3", "1_000", "1 2", "\N{SUPERSCRIPT TWO}", "9" * 21, "9" * 5000)
+    assert not [text for text in wrong if count_in(text) is not None]

@@ -22,6 +22,7 @@ import numpy.typing as npt
 
 from servogen.edges import OTHER_PINS, PAIR_NAMES, PIN_NAMES
 from servogen.errors import InputError, did_you_mean
+from servogen.inputs import count_in
 
 BASE_HZ = 100_000_000
 """The clock that is divided by the divider plus one."""
@@ -200,9 +201,9 @@ def wires(texts: Iterable[str], pair: bool = False) -> Mapping[int, int]:
     channels = WIDE_BITS - 1 if pair else CHANNELS
     wired: dict[int, int] = {}
     for text in texts:
-        channel, _, pin = text.partition("=")
-        name = pin.strip().upper()
-        if not channel.strip().isdecimal() or int(channel) >= channels:
+        digits, _, pin = text.partition("=")
+        channel, name = count_in(digits), pin.strip().upper()
+        if channel is None or channel >= channels:
             raise InputError(
                 "bad-wiring",
                 f"'{text}' is not a channel",
@@ -210,9 +211,9 @@ def wires(texts: Iterable[str], pair: bool = False) -> Mapping[int, int]:
             )
         if name not in names:
             raise InputError("unknown-pin", f"'{text}' is not a pin", hint=did_you_mean(name, names))
-        if int(channel) in wired or names[name] in wired.values():
+        if channel in wired or names[name] in wired.values():
             raise InputError("bad-wiring", f"'{text}': channel or pin is wired twice")
-        wired[int(channel)] = names[name]
+        wired[channel] = names[name]
     return wired or (PAIR_WIRES if pair else dict(enumerate(CHANNEL_PINS)))
 
 
