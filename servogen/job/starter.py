@@ -104,7 +104,8 @@ def starter(kind: str, servo: str, file: Path) -> str:
     kind = kind.lower() if own is None else kind_of(own)
     text = template(kind)
     if own is not None:
-        text = HEIGHT.sub("# ", EXAMPLE.sub(f"[robot]\nname = {_beside(own, file)}", text, count=1))
+        named = f"[robot]\nname = {_beside(own, file)}"
+        text = HEIGHT.sub("# ", EXAMPLE.sub(lambda _: named, text, count=1))
     name = servo_models.catalogued_as(servo)
     model = servo_models.servo_model(name)
     usual = servo_models.servo_model(usual_servo(kind))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -27,6 +28,17 @@ def test_what_the_page_shows_is_what_its_commands_print(
     said = (ran.out + ran.err).splitlines()
     for line in lines.splitlines():
         assert line.strip() in [each.strip() for each in said]
+
+
+def test_a_path_with_signs_of_toml_is_the_robots_of_the_job(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (block,) = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
+    name = 'my "spi\\der.toml'
+    Path(name).write_text(block, "utf-8")
+    assert run("new", "my.toml", "--robot", name, "--servo", "sg90").code == 0
+    assert tomllib.loads(Path("my.toml").read_text("utf-8"))["robot"]["name"] == name
 
 
 def test_the_page_shows_commands() -> None:
