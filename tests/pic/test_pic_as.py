@@ -151,6 +151,7 @@ def test_what_repeats_without_end_or_lines_is_refused_and_an_error_says_in_which
     for text, said in (
         (" rept 8000\n rept 8000\n rept 8000\n endm\n endm\n endm\n", "a macro, a WHILE"),
         (" IRP x, 1\n nop\n endm\n", r"unknown operation 'STATUS'[^']+'IRP' is defined as 'STATUS, 7'"),
+        (" S x\n", r"unknown operation 'S' .asm-unknown-operation.(?![^$]*IRP)"),
         (" rept -1\n nop\n endm\n", "REPT of -1 turns"),
         (" irp 7, a, b\n nop\n endm\n", "'7' is not a name"),
         (" rept 2\n nop\n", "REPT without ENDM"),

@@ -264,14 +264,10 @@ class Pass:
         elif operation:
             known = (*self.directives, *(name.lower() for name in instructions.mnemonics()), *self.macros)
             hint = ELSE_IF_HINT if operation in ELSE_IF else suggestion(statement.word, known)
-            for (
-                name,
-                definition,
-            ) in self.definitions.items():  # xc.inc defines IRP, which is no directive then
-                if name.lower() in self.directives and definition.body.startswith(statement.word):
-                    hint = (
-                        f"'{name}' is defined as '{definition.body}': write {name.lower()} in small letters"
-                    )
+            # xc.inc defines IRP, a bit of STATUS, which is then no directive.
+            for name, made in self.definitions.items():
+                if name.lower() in self.directives and made.body.partition(",")[0] == statement.word:
+                    hint = f"'{name}' is defined as '{made.body}': write {name.lower()} in small letters"
             raise SourceError(
                 "asm-unknown-operation", f"unknown operation '{statement.word}'", statement.column, hint
             )
