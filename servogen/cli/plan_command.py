@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
+import sys
 from math import degrees
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TextIO
 
 import typer
 
@@ -37,7 +38,7 @@ def plan(
 ) -> None:
     """Show a job's motion without building it: frames, servos, horns, paths, pulse errors."""
     with status("planning"):
-        asked = _planned_with_horns(load(job), job, fit)
+        asked = _planned_with_horns(load(job), job, fit, sys.stderr if json else sys.stdout)
         played, made = nearest_pulses(asked)
         facts = plan_facts(played, made, engine=played is not asked)
     loaded, pulses, tracks = facts.job, facts.plan, facts.tracks
@@ -58,8 +59,9 @@ def plan(
             print(next_step("build", job))
 
 
-def _planned_with_horns(loaded: Job, file: Path, fit: bool) -> PlannedJob:
-    """Return a job's plan; with `fit` that with centred horns, which is written into its file.
+def _planned_with_horns(loaded: Job, file: Path, fit: bool, out: TextIO) -> PlannedJob:
+    """Return a job's plan; with `fit` that with centred horns, which is written into its file and told
+    on `out`.
 
     Raises InputError, with the horns that would help where they are all that is in the way.
     """
@@ -75,13 +77,14 @@ def _planned_with_horns(loaded: Job, file: Path, fit: bool) -> PlannedJob:
         horns, made = centred(loaded)
     values = edits(loaded, horns)
     if not values:
-        print(f"{file}: every horn is on the tooth that centres the motion best")
+        print(f"{file}: every horn is on the tooth that centres the motion best", file=out)
         return made
     write_text(file, rewritten(file.read_text(encoding="utf-8"), values))
     worst = max(horns, key=lambda horn: abs(horn.away - horn.turn))
     print(
         f"{file}: {counted(sum(bool(horn.turn) for horn in horns), 'horn')} turned by whole teeth; "
-        f"at most {abs(degrees(worst.away - worst.turn)):.1f}° from the middle, {worst.servo}"
+        f"at most {abs(degrees(worst.away - worst.turn)):.1f}° from the middle, {worst.servo}",
+        file=out,
     )
     return made
 

@@ -90,6 +90,9 @@ def test_fit_writes_the_zeros_and_keeps_all_else(run: Run, file: Path) -> None:
     for horn in horns_of(planned):
         assert sum(horn.used) == pytest.approx(math.pi, abs=math.tau / 25)  # nearer to 90° than half a tooth
     before = made
+    file.write_text(JOB, "utf-8")
+    said = json.loads(run("plan", str(file), "--fit", "--json").out)
+    assert said["horns"][0]["zero_deg"] == pytest.approx(170 - 6 * 14.4) and file.read_text("utf-8") == made
     ran = run("plan", str(file), "--fit")
     assert (ran.code, file.read_text("utf-8")) == (0, before)
     assert "every horn is on the tooth that centres the motion best" in ran.out
