@@ -362,16 +362,17 @@ class Checker:
             raise _refused(row, str(error)) from None
         if found is None:
             return
-        sampled = (found.memory[4] == len(LEVELS)) << wire.pin
+        sampled = (found.memory[4] == len(LEVELS) and not wire.early) << wire.pin
         row[PLACE] = self._number(Place(found.memory, 0, sampled))
         if found.restarts:
             row[[layout.STAGE, layout.TIME, layout.EDGE, FRAME_NUMBER]] = layout.AWAITS, 0, 0, AWAITED
             row[DUE] = self._plan.run_of(OVER)
         elif found.begins:
-            first = self._plan.first
-            row[[layout.STAGE, layout.EDGE, FRAME_NUMBER]] = layout.RUNS, 0, first.frame
-            row[layout.TIME] = wire.look + len(LEVELS) - 1 - wire.period
-            row[DUE] = self._plan.run_of(first)
+            plan, last_look = self._plan, wire.look + (wire.early or len(LEVELS) - 1)
+            due = plan.following(row[FRAME_NUMBER], found.memory) if stage == layout.RUNS else plan.first
+            row[[layout.STAGE, layout.EDGE, FRAME_NUMBER]] = layout.RUNS, 0, due.frame
+            row[layout.TIME] = last_look - wire.period
+            row[DUE] = plan.run_of(due)
 
     def _new(self, rows: Ints, why: int) -> Ints:
         """Return the rows whose states did not stop yet for this reason: a program that waits for what comes

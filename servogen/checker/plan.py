@@ -9,8 +9,10 @@ from __future__ import annotations
 import json
 from bisect import bisect_right
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cached_property
 from itertools import accumulate
+from math import ceil
 from typing import Any, ClassVar, NamedTuple, cast
 
 import numpy as np
@@ -403,14 +405,19 @@ def _tape(data: dict[str, Any], content: bytes, used: int) -> RecordedTape:
 
 def _wire(data: dict[str, Any], edges: list[tuple[Ints, Ints]], period: int) -> WireReads:
     first = next(int(cycles[0]) for cycles, _ in edges if len(cycles))
-    look = period + first - _number(data["cycles"], 1) - 1
+    early, ppm = 0, _number(data.get("crystal_ppm", 0), 0, 1000)
+    if ppm:
+        apart = ceil(Fraction(2 * period * ppm, 1_000_000 - ppm))  # how far two crystals drift in a frame
+        early = 4 + apart + 2 - apart % 2
+    ahead = _number(data["cycles"], early + 1)
+    look = period + first - ahead - (early or 1)
     if not all(2 < cycle < look for cycles, _ in edges for cycle in cycles[1:]):
         raise ValueError("the wire is looked at between the pulses of two frames")
     frames, quiet = _number(data["frames"], 1, 99), _number(data["quiet_cycles"], 1)
     restart, pulled = 0, 0
     if "restart" in data:
         restart, pulled = 1 << PINS.index(data["restart"]), _number(data["restart_cycles"], 1)
-    return WireReads(PINS.index(data["pin"]), period, frames, quiet, look, restart, pulled)
+    return WireReads(PINS.index(data["pin"]), period, frames, quiet, look, restart, pulled, early)
 
 
 def _edges(pulses: list[Any], pins: list[int], period: int) -> tuple[Ints, Ints]:

@@ -4,6 +4,9 @@ In: levels, each with the cycle in which it is read. Out: what is remembered of 
 begin or end. Whatever the wire does, the pulses of a frame are due if, and only if, the program has looked at
 it in the cycle before its rise and in the two after, and it was low, high and high. Where it is quiet and
 then rises once a frame, the first of them are due in one certain frame.
+
+Where the wire is of a chip with another crystal, a frame is due from the read on that finds it high, one of
+the looks that begin `early` cycles before a frame has passed since the last such read, all others low.
 """
 
 from __future__ import annotations
@@ -50,6 +53,8 @@ class WireReads:
     """The pin, as a word, that is wired to the other chip's MCLR,"""
     pulled: int = 0
     """and for how many cycles it is low, once, before the first read."""
+    early: int = 0
+    """With two crystals, by how much the looks begin before a frame has passed, an even number."""
     at_once: ClassVar[bool] = True
     power_up: ClassVar[Memory] = (HIGH, 1, 0, 0, 0, 1)
     plays: ClassVar[Memory] = (PLAYING, 1, 0, 0, 0, 1)
@@ -60,6 +65,8 @@ class WireReads:
 
     def looks(self, memory: Memory, level: int, time: int) -> WireStep | None:
         """Return what a read at `time` of a frame with pulses leads to; None if it is not one of the look."""
+        if self.early:
+            return self._rises(memory, level, time - self.look)
         *others, seen, good = memory
         if time != self.look + seen:
             return None
@@ -71,10 +78,16 @@ class WireReads:
     def awaits(self, memory: Memory, level: int, time: int) -> WireStep:
         """Return what a read leads to while no pulse is due. Raises ValueError with what is wrong."""
         kind = memory[0]
+        if kind == JOINING and self.early:
+            if time > self.period + self.early:
+                raise ValueError("the wire's rise is not looked at in time")
+            return self._rises(memory, level, time - self.period + self.early) or WireStep(memory)
         if kind == JOINING:
             return self._joins(memory, level, time)
         if time > self.period + (self.quiet if kind == QUIET else 0):
             raise ValueError("the wire is not looked at for a frame")
+        if kind == READY and level and self.early and time > 4:
+            raise ValueError("the first rise is awaited too seldom")
         if kind == READY:
             return self._from(JOINING, 0, time - 1) if level else self._from(READY)
         if kind == QUIET and time >= self.quiet:
@@ -85,6 +98,15 @@ class WireReads:
 
     def _from(self, kind: int, least: int = 1, most: int = 0) -> WireStep:
         return WireStep((kind, least, most, 0, 0, 1), restarts=True)
+
+    def _rises(self, memory: Memory, level: int, since: int) -> WireStep | None:
+        """Return what a read leads to so many cycles after the first look at a rise; None if it is none."""
+        *others, seen, good = memory
+        if since != 2 * seen:
+            return None
+        if level == 0:
+            return self._from(HIGH) if since == 2 * self.early else WireStep((*others, seen + 1, good))
+        return WireStep(self.plays, begins=True) if seen else self._from(HIGH)
 
     def _joins(self, memory: Memory, level: int, time: int) -> WireStep:
         _, least, most, last, seen, good = memory

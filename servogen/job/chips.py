@@ -56,7 +56,7 @@ def chips_of(document: Document, rows: Sequence[ServoTable]) -> tuple[PairedChip
             raise document.error(
                 "chip-pair",
                 ("chip", 1, key),
-                f"the chips share one crystal: {key} is {getattr(first, key)} in the first",
+                f"both chips count the same cycles: {key} is {getattr(first, key)} in the first",
                 "write the same in both",
             )
     names = [row.name for row in rows]
@@ -85,9 +85,10 @@ def chips_of(document: Document, rows: Sequence[ServoTable]) -> tuple[PairedChip
         )
     check_free(document, ("chip", 1, "wire"), second.wire, on_second, "the wire needs a pin of its own")
     restart = _restart(document, first, second, {**on_second, second.wire: "wire"})
+    ppm = second.crystal_ppm or 0
     wires = (
-        FrameWire(first.wire, False, second.wire, restart),
-        FrameWire(second.wire, True, first.wire, restart),
+        FrameWire(first.wire, False, second.wire, restart, ppm),
+        FrameWire(second.wire, True, first.wire, restart, ppm),
     )
     return tuple(
         PairedChip(tuple(name for name in names if mine and name in mine), wire)
@@ -99,13 +100,14 @@ def _restart(
     document: Document, first: ChipPairTable, second: ChipPairTable, used: Mapping[str, str]
 ) -> str | None:
     """Return the second chip's pin that resets the first one, if there is one. Raises InputError."""
-    if first.restart is not None:
-        raise document.error(
-            "chip-pair",
-            ("chip", 0, "restart"),
-            "the first chip does not restart the second one, which follows the wire",
-            "write restart in the second [[chip]]",
-        )
+    for key in ("restart", "crystal_ppm"):
+        if getattr(first, key) is not None:
+            raise document.error(
+                "chip-pair",
+                ("chip", 0, key),
+                f"{key} is the second chip's: the first one does not follow the second",
+                f"write {key} in the second [[chip]]",
+            )
     where = ("chip", 1, "restart")
     if second.restart not in (None, OPEN_DRAIN_PIN):
         raise document.error(

@@ -13,6 +13,7 @@ from pydantic import ConfigDict, Field, create_model
 
 from servogen.engines.inputs import PinName
 from servogen.engines.registry import ENGINES, sections
+from servogen.pulse.schedule import MAX_PPM
 from servogen.robot.servo_models import FactKeys
 from servogen.toml.file import Table
 
@@ -54,6 +55,8 @@ class ChipPairTable(Table):
     wire: PinName
     restart: PinName | None = None
     """The second chip's open drain, wired to the first one's MCLR: it resets that when it begins."""
+    crystal_ppm: int | None = Field(default=None, gt=0, le=MAX_PPM)
+    """Of the second chip, if it has a crystal of its own: how far both may be from `clock_hz`."""
     servos: tuple[str, ...] | None = None
     """Its servos; without it, the second chip's begin with the first servo whose pin is in use."""
 

@@ -99,7 +99,7 @@ def place_key(spec: SpecState, schedule: PulseSchedule, commands: CommandRule | 
     pins.
     """
     if schedule.wire:
-        looked = spec.phase == IN_FRAME and spec.wire.seen == len(LOOK)
+        looked = spec.phase == IN_FRAME and spec.wire.seen == len(LOOK) and not schedule.wire.crystal_ppm
         return spec.wire, 0, looked << PINS.index(schedule.wire.pin)
     if commands is None:
         memory: Memory = (spec.running, spec.on, spec.start_seen, spec.stop_seen)

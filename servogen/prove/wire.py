@@ -8,6 +8,9 @@ what the pins have to do: docs/proof.md, "Two chips". The wire may have any leve
 
 A rise is seen up to some cycles late. While what is read is that of a wire that rises once a frame, joining
 keeps by how many, and the first pulse has to come in its cycle whichever it was.
+
+With two crystals the read that sees a rise begins a frame, without pulses while joining: what follows, the
+looks for the next rise among it, comes in its cycle.
 """
 
 from __future__ import annotations
@@ -31,7 +34,7 @@ from servogen.prove.specification import (
     WireView,
 )
 from servogen.pulse import PulseSchedule
-from servogen.pulse.schedule import WireRule
+from servogen.pulse.schedule import FIRST_CYCLES, POLL_CYCLES, WireRule
 
 SILENT = 3
 """The phase of a specification's state in which the program awaits the wire, without pulses; its time counts
@@ -60,7 +63,8 @@ class FollowedWire(Specification):
         super().__init__(schedule, None)
         self._wire = rule
         self._pins[PINS.index(rule.pin)] = "wire"
-        self._look = self.period + self._first - rule.cycles - 1
+        self._early = rule.early(schedule.period)
+        self._look = self.period + self._first - rule.cycles - (self._early or 1)
         """The time in a frame of the first read of the look at the next frame's rise."""
 
     @property
@@ -77,10 +81,10 @@ class FollowedWire(Specification):
         """
         kind, _, _, _, seen, _ = state.wire
         level = int(kind == READY)
-        if kind == JOINING:
+        if kind == JOINING and not self._early:
             level = int(state.time % self.period < self.period // 2)
-        if kind == PLAYING:
-            level = LOOK[seen % len(LOOK)]
+        elif kind in (JOINING, PLAYING):
+            level = int(POLL_CYCLES * seen >= self._early) if self._early else LOOK[seen % len(LOOK)]
         return {PINS.index(self._wire.pin): level}
 
     def is_shown(self, violation: Violation, levels: Mapping[str, Sequence[tuple[int, int]]]) -> bool:
@@ -89,23 +93,27 @@ class FollowedWire(Specification):
             return violation.certain
         changes = levels.get(self._wire.pin, ((0, 0),))
         rise = violation.cycle - self._wire.cycles
-        around = ([level for at, level in changes if at <= rise + each][-1:] for each in (-1, 0, 1))
-        return tuple(level[0] if level else 0 for level in around) != LOOK
+        offsets, good = ((-POLL_CYCLES, 0), (0, 1)) if self._early else ((-1, 0, 1), LOOK)
+        around = ([level for at, level in changes if at <= rise + each][-1:] for each in offsets)
+        return tuple(level[0] if level else 0 for level in around) != good
 
     def sample(self, state: SpecState, pin: int, level: int) -> SpecState:
         """Return the state after the program has read a pin. Raises Violation."""
         if pin not in self._pins:
             return state
         if state.phase == IN_FRAME:
-            return self._looked_in_frame(state, level)
+            return self._awaited(state, self._look, level) if self._early else self._looked(state, level)
         if state.phase == BEFORE:
             if self._wire.restart and state.wire.seen < 2:
                 raise Violation(f"{self._wire.restart} has not reset the first chip", 0, certain=False)
             state = state._replace(phase=SILENT, time=0, wire=WireView(HIGH))
         view = state.wire
         if view.kind == JOINING:
-            return self._joining(state, level)
+            look = self.period - self._early
+            return self._awaited(state, look, level) if self._early else self._joining(state, level)
         if view.kind == READY and level:
+            if self._early and state.time > FIRST_CYCLES:
+                raise Violation("the first rise is awaited too seldom", 0, certain=False)
             return self._silent(state, WireView(JOINING, 0, state.time - 1))
         if view.kind == QUIET and state.time >= self._wire.quiet:
             return self._silent(state, WireView(JOINING if level else READY))
@@ -117,13 +125,27 @@ class FollowedWire(Specification):
     def _silent(state: SpecState, view: WireView) -> SpecState:
         return state._replace(phase=SILENT, time=0, frame=0, wire=view)
 
-    def _looked_in_frame(self, state: SpecState, level: int) -> SpecState:
+    def _looked(self, state: SpecState, level: int) -> SpecState:
         if state.time != self._look + state.wire.seen:
             return state
         view = _looked(state.wire, level, following=state.wire.seen > 0)
         if view.seen == len(LOOK) and not view.good:
             return self._silent(state, WireView(HIGH))
         return state._replace(wire=view)
+
+    def _awaited(self, state: SpecState, look: int, level: int) -> SpecState:
+        """Return the state after a look for a rise: there are one more than `early`, from the time `look` on,
+        the first of them low.
+        """
+        seen = state.wire.seen
+        if state.time != look + POLL_CYCLES * seen:
+            return state
+        if level and seen:
+            frame = self._following(state.frame) if state.phase == IN_FRAME else self._first_frame
+            return SpecState(IN_FRAME, self._first - self._wire.cycles, frame, wire=WireView(PLAYING))
+        if level or seen == self._early:
+            return self._silent(state, WireView(HIGH))
+        return state._replace(wire=state.wire._replace(seen=seen + 1))
 
     def _joining(self, state: SpecState, level: int) -> SpecState:
         view, time = state.wire, state.time
@@ -154,12 +176,14 @@ class FollowedWire(Specification):
                 return super().advance(state, edges, cycles)
             except Violation as violation:
                 # Where no frame begins after a look, none may be due: that this is one, only the reads tell.
-                violation.certain = violation.certain and (state.time >= 0 or bool(edges))
+                # With two crystals a pulse that is not due may be that of another look.
+                fixed = 0 <= state.time < self._look if self._early else state.time >= 0 or bool(edges)
+                violation.certain = violation.certain and fixed
                 raise
         for edge in edges:
             state = self._restarted(state, edge)
         time, view = state.time + cycles, state.wire
-        if view.kind == JOINING and time > self._wire.frames * self.period + 2:
+        if view.kind == JOINING and time > self._wire.frames * self.period + self._early + 2:
             raise Violation("the first pulse is missing", cycles, certain=False)
         if view.kind != JOINING and time > self.period + (self._wire.quiet if view.kind == QUIET else 0):
             raise Violation("the wire is not looked at for a frame", cycles, certain=False)
@@ -177,6 +201,6 @@ class FollowedWire(Specification):
         raise SilenceBroken(f"the {'rise' if level else 'fall'} of {PINS[pin]} is not the schedule's", cycle)
 
     def _next(self, state: SpecState, cycle: int) -> SpecState:
-        if state.wire.seen < len(LOOK):
+        if self._early or state.wire.seen < len(LOOK):
             raise Violation("the wire's rise is not looked at", cycle, certain=False)
         return SpecState(IN_FRAME, 0, self._following(state.frame), wire=WireView(PLAYING))

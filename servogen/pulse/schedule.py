@@ -20,6 +20,7 @@ from servogen.edges import PINS
 from servogen.errors import InputError, Location, did_you_mean
 from servogen.motion.trajectory import MAX_FRAMES
 from servogen.notebooks import table_html
+from servogen.pic.device import OPEN_DRAIN_PIN
 from servogen.plan_error import PlanError
 from servogen.units import Clock, Cycles
 
@@ -206,6 +207,23 @@ class CommandRule:
 
 NO_CYCLES = Cycles(0)
 
+POLL_CYCLES, FIRST_CYCLES = Cycles(2), Cycles(4)
+"""The cycles from one look to the next for the rise of a wire from another crystal: in every frame, and for
+the first rise, by which its time is known before them.
+"""
+
+
+MAX_PPM = 1000
+"""The most by which crystals of their own may be off."""
+
+
+def awaited_early(period: Cycles, crystal_ppm: int) -> Cycles:
+    """Return by how much the looks for a wire's rise begin before a frame has passed, and end after it, if
+    both crystals may be off by `crystal_ppm`; an even number. They begin before any rise, seen late or not.
+    """
+    drift = -(-2 * period * crystal_ppm // (1_000_000 - crystal_ppm))
+    return Cycles(2 * (drift // 2 + 1) + FIRST_CYCLES)
+
 
 @dataclass(frozen=True, slots=True)
 class WireRule:
@@ -215,7 +233,8 @@ class WireRule:
     from 0, of the other chip's motion. A rise is that of frame 0 if the wire was low in each of the program's
     looks before it, the first of them `quiet` cycles or more before the last. After each reset the program
     pulls `restart`, wired to the other chip's MCLR, low for `pulled` cycles or more, once, before its first
-    look.
+    look. Chips with two crystals, each off by `crystal_ppm` or less, look for the rise every `POLL_CYCLES`
+    around its time: `cycles` count from the look that sees it.
     """
 
     pin: str
@@ -226,9 +245,16 @@ class WireRule:
     quiet: Cycles
     restart: str | None = None
     pulled: Cycles = NO_CYCLES
+    crystal_ppm: int = 0
+    """0 for one crystal."""
+
+    def early(self, period: Cycles) -> Cycles:
+        """Return by how much the looks for a rise begin before a frame has passed; 0 with one crystal."""
+        return awaited_early(period, self.crystal_ppm) if self.crystal_ppm else NO_CYCLES
 
     def to_json(self) -> dict[str, object]:
         restart = {"restart": self.restart, "restart_cycles": self.pulled} if self.restart else {}
+        crystal = {"crystal_ppm": self.crystal_ppm} if self.crystal_ppm else {}
         return {
             "pin": self.pin,
             "from": self.source,
@@ -236,6 +262,7 @@ class WireRule:
             "cycles": self.cycles,
             "quiet_cycles": self.quiet,
             **restart,
+            **crystal,
         }
 
 
@@ -479,9 +506,12 @@ class _Reader:
         return TapeRule(pins[0], pins[1], self._text(eeprom, "tape.eeprom"))
 
     def _wire(self, data: Any, channels: tuple[Channel, ...]) -> WireRule:
-        keys = ("pin", "from", "frames", "cycles", "quiet_cycles", "restart", "restart_cycles")
-        known = {"restart": None, "restart_cycles": 0, **data} if isinstance(data, dict) else data
-        pin, source, frames, cycles, quiet, restart, pulled = self._table(known, "wire", keys)
+        keys = ("pin", "from", "frames", "cycles", "quiet_cycles", "restart", "restart_cycles", "crystal_ppm")
+        usual = {"restart": None, "restart_cycles": 0, "crystal_ppm": 0}
+        known = {**usual, **data} if isinstance(data, dict) else data
+        pin, source, frames, cycles, quiet, restart, pulled, ppm = self._table(known, "wire", keys)
+        if restart not in (None, OPEN_DRAIN_PIN):
+            raise self._error("json-value", "wire.restart", f"is not {OPEN_DRAIN_PIN}: {_shown(restart)}")
         read = self._input({"pin": pin, "level": 0}, "wire", channels)
         return WireRule(
             read.pin,
@@ -492,7 +522,8 @@ class _Reader:
             None
             if restart is None
             else self._input({"pin": restart, "level": 0}, "wire.restart", channels).pin,
-            Cycles(self._whole(pulled, "wire.restart_cycles", 0)),
+            Cycles(self._whole(pulled, "wire.restart_cycles", 0 if restart is None else 1)),
+            self._whole(ppm, "wire.crystal_ppm", 0, MAX_PPM),
         )
 
     def _buttons(self, data: Any, channels: tuple[Channel, ...]) -> ButtonRule:
@@ -663,10 +694,10 @@ class _Reader:
             raise self._error("json-value", key, "is not an array")
         return data
 
-    def _whole(self, data: Any, key: str, minimum: int) -> int:
-        if not isinstance(data, int) or isinstance(data, bool) or not minimum <= data <= MAX_NUMBER:
+    def _whole(self, data: Any, key: str, minimum: int, maximum: int = MAX_NUMBER) -> int:
+        if not isinstance(data, int) or isinstance(data, bool) or not minimum <= data <= maximum:
             raise self._error(
-                "json-value", key, f"is not a whole number of {minimum} to {MAX_NUMBER}: {_shown(data)}"
+                "json-value", key, f"is not a whole number of {minimum} to {maximum}: {_shown(data)}"
             )
         return data
 

@@ -152,7 +152,7 @@ pl_poll:
     btfss   STATUS, 2
     goto    $+1
 ; Cycle {{ reads[2] + 4 }} after the beginning, always.
-{% if wire %}
+{% if wire and not early %}
     comf    PORT{{ wire }}, W            ; the wire: its bit is set if it is low,
     andwf   PORT{{ wire }}, W            ; then high,
     andwf   PORT{{ wire }}, W            ; and high
@@ -160,7 +160,7 @@ pl_poll:
 {% endif %}
     movf    _both, W
     btfsc   STATUS, 2
-    goto    pl_done             ; no pulses
+    goto    {{ "pl_idle" if early else "pl_done" }}             ; no pulses
 {% if stagger %}
     andwf   _mask_a, W
     movwf   INDF                ; a rises: cycle 0
@@ -265,6 +265,27 @@ pl_loop2:
     decfsz  _pulse_b_hi, F
     goto    pl_loop2
     clrf    INDF                ; 18 and more
+{% if early %}
+    goto    pl_done
+; The slot that awaits the wire: {{ early + 1 }} looks for its rise, 2 cycles apart, which comes before the middle one or after it,
+; as both chips' crystals are. If the first look is high, or all are low, _joined stays 0.
+pl_idle:
+    btfsc   _joined, 0
+    goto    pl_done
+{{ pad(4) }}
+    btfsc   PORT{{ wire }}, {{ bit }}
+    goto    pl_done
+{% for look in range(early) %}
+    btfsc   PORT{{ wire }}, {{ bit }}
+    goto    pl_rose
+{% endfor %}
+    goto    pl_done
+pl_rose:
+    clrf    TMR0                ; 3 cycles after the look: the frame's slots are counted from here
+    bsf     _joined, 0
+    movlw   3
+    movwf   _target
+{% endif %}
 pl_done:
     clrwdt
     movlw   3

@@ -25,8 +25,13 @@ pl_quiet:
     decfsz  _stay, F
     goto    pl_quiet
 {% else %}
+{% if own %}
+; Joins the other chip's frames. In: the wire. Out: TMR0 is 0, so that the kernel awaits the wire's next rise {{ ahead }} ticks
+; later.
+{% else %}
 ; Joins the other chip's frames. In: the wire. Out: TMR0 is 0, so that the wire's next rise, {{ ahead }} ticks later, comes in
 ; the middle cycle of the kernel's look.
+{% endif %}
 ;
 ; A wire that is low for longer than a frame: its next rise is the other chip's first. TMR0 is cleared while that is awaited,
 ; so that the time that this takes leaves no trace.
@@ -53,6 +58,7 @@ pl_rise:
     goto    pl_rise
     nop                         ; or here
 pl_seen:
+{% if not own %}
     movlw   {{ late }}
     movwf   _stay
 pl_later:
@@ -61,6 +67,7 @@ pl_later:
     goto    $+1
     decfsz  _stay, F
     goto    pl_later
+{% endif %}
 {{ wait("pl_last", last) }}
     clrf    TMR0
 {% endif %}

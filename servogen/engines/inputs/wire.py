@@ -1,4 +1,4 @@
-"""The wire between two chips on one crystal: a servo's signal of the first chip is an input of the second.
+"""The wire between two chips: a servo's signal of the first chip is an input of the second.
 
 In: its pin on a chip, and on which side that is. Out: what the program of each side does about it.
 
@@ -11,6 +11,10 @@ first rise 0 to 3 cycles late; in each of the next three frames the wire is read
 and the program catches up by one cycle if it is high. From then on it is read in the cycle before it rises
 and in the two after, once a frame; unless it is low, high and high there, the pulses are released until the
 first chip begins anew, which it does with a wire that is low for longer than a frame.
+
+Chips with a crystal each have no phase to find. From the frame after the first rise on, the second one looks
+for the rise every two cycles, around its time by as much as the crystals may be off, and counts the frame
+from the look that sees it. If there is none, or the first look is high already, no pulses follow, as above.
 """
 
 from __future__ import annotations
@@ -19,13 +23,11 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import ClassVar
 
+from servogen.pulse.schedule import awaited_early
 from servogen.units import Clock, Cycles
 
 LOOKED_LATE = 3
 """The number of cycles by which the loop that waits for the first rise may see it late."""
-
-JOINING_FRAMES = LOOKED_LATE + 1
-"""The first chip's frames, from its first one on, in which the second has no pulses yet."""
 
 QUIET_LOOKS, QUIET_C = 256, 7
 """The looks at a wire that is low until its rise is awaited, and the cycles of each beside its pause."""
@@ -66,6 +68,17 @@ class FrameWire:
     follows: bool
     other: str
     restart: str | None = None
+    crystal_ppm: int = 0
+    """How far each chip's crystal may be off; 0 if they share one."""
+
+    @property
+    def joining_frames(self) -> int:
+        """Return the first chip's frames, from its first one on, in which the second has no pulses yet."""
+        return 1 if self.crystal_ppm else LOOKED_LATE + 1
+
+    def early(self, period: Cycles) -> Cycles:
+        """Return by how much the looks for a rise begin before a frame has passed; 0 with one crystal."""
+        return awaited_early(period, self.crystal_ppm) if self.crystal_ppm else Cycles(0)
 
     def quiet_frames(self, clock: Clock, period: Cycles) -> int:
         """Return the frames without pulses with which the first chip begins."""
@@ -76,7 +89,10 @@ class FrameWire:
         if self.follows:
             return (
                 f"{self.pin}: the wire from the first chip's {self.other}, 10 kOhm pull-down to ground.",
-                "The motion begins after a quiet frame; no pulses unless it rises in its cycle of each.",
+                "The motion begins after a quiet frame; no pulses unless it rises in its cycle of each."
+                if not self.crystal_ppm
+                else f"The motion begins after a quiet frame; each begins at its rise: own crystal, "
+                f"{self.crystal_ppm} ppm.",
                 *[f"{self.restart}: to the first chip's MCLR: low at the beginning, so that both begin anew."]
                 * bool(self.restart),
             )

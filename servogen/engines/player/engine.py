@@ -11,7 +11,7 @@ from servogen.engines.firmware import Firmware, ResourceError
 from servogen.engines.inputs import given
 from servogen.engines.inputs.buttons import ControlButtons, motion_with_wait, with_wait
 from servogen.engines.inputs.commands import commander
-from servogen.engines.inputs.wire import JOINING_FRAMES, RESTART_CYCLES, FrameWire, quiet_cycles
+from servogen.engines.inputs.wire import RESTART_CYCLES, FrameWire, quiet_cycles
 from servogen.engines.player import Playing, playing
 from servogen.engines.player.commanded import commanded
 from servogen.engines.player.legs import LONGEST
@@ -23,6 +23,7 @@ from servogen.errors import Diagnostic, InputError
 from servogen.motion import JointTrajectory
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import WireRule
+from servogen.units import Cycles
 
 HALVES_BYTES = 200
 """By how much poses in two tables may be larger, at most: their C is shorter than that of a walk by legs."""
@@ -48,10 +49,11 @@ def play(
     buttons = given(job.inputs, ControlButtons) or ControlButtons()
     line, wire = commander(job.inputs), given(job.inputs, FrameWire)
     begun, ends = with_soft_start(job.trajectory, job.servos, job.clock, job.firmware.soft_start_s)
-    follows = wire is not None and wire.follows
-    if follows:
-        begun = begun.without(JOINING_FRAMES)
-        ends = tuple(end - JOINING_FRAMES for end in ends if end > JOINING_FRAMES)
+    followed = wire if wire is not None and wire.follows else None
+    if followed:
+        joining = followed.joining_frames
+        begun = begun.without(joining)
+        ends = tuple(end - joining for end in ends if end > joining)
     if line is not None:
         _check_soft_start(job, ends)
         maximum = DATA_BYTES - COMMANDS_BYTES + more_bytes
@@ -69,22 +71,23 @@ def play(
         max_bytes=DATA_BYTES - (BUTTONS_BYTES if buttons.any else 0) + more_bytes,
         bends=bends,
         halves=halves,
-        looking=follows,
+        wire=followed,
     )
     waiting = with_wait(played.plan.schedule, buttons.waiting)
     schedule = replace(
         waiting,
         inputs=buttons.inputs,
         buttons=buttons.rule,
-        wire=_rule(wire, played) if wire and follows else None,
+        wire=_rule(followed, played) if followed else None,
     )
     plan = replace(played.plan, schedule=schedule)
     return motion_with_wait(played.trajectory, buttons.waiting), replace(played, plan=plan), schedule
 
 
 def _rule(wire: FrameWire, played: Playing) -> WireRule:
-    quiet = quiet_cycles(played.plan.schedule.period)
-    rule = WireRule(wire.pin, wire.other, JOINING_FRAMES, played.layout.after_rise, quiet)
+    quiet = quiet_cycles(Cycles(played.layout.period + played.layout.early))
+    rule = WireRule(wire.pin, wire.other, wire.joining_frames, played.layout.after_rise, quiet)
+    rule = replace(rule, crystal_ppm=wire.crystal_ppm)
     return replace(rule, restart=wire.restart, pulled=RESTART_CYCLES) if wire.restart else rule
 
 

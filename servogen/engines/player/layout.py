@@ -16,11 +16,12 @@ next frame runs in its last part.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import product
 
 from servogen.edges import PINS
+from servogen.engines.inputs.wire import FrameWire
 from servogen.errors import InputError
 from servogen.pulse.slots import Frame
 from servogen.robot.servo import Servo
@@ -55,6 +56,13 @@ WATCHDOG_US = Fraction(6900)
 AFTER_LOOK = 6
 """The kernel's cycles from a wire's rise, in the middle of its look, to the rise of a slot's pins."""
 
+AFTER_SEEN, TO_LOOK = 5, 10
+"""With a crystal of its own, the cycles from the look that sees the wire's rise to the timer's tick 0, and
+the kernel's from a slot's beginning to its first look for it, beside three ticks and its delay.
+"""
+LEAST_DELAY = 4
+"""The cycles of the shortest such delay."""
+
 MAX_TRIM = Cycles(127)
 """The maximum trim in the EEPROM, in cycles of a pulse."""
 
@@ -84,17 +92,21 @@ class SlotLayout:
     """The slots of a frame; the first begins `slots[0].ticks` after the last one of the previous frame.
 
     If the program is `looking` at the wire of another chip, it does so in the first slot, without pulses.
+    Where that chip has another crystal, this slot begins `sooner` by some ticks: the looks for the wire's
+    rise in it begin `early` cycles before a frame has passed.
     """
 
     slots: tuple[Slot, ...]
     tick: Cycles
     stagger: Cycles = NONE
     looking: bool = False
+    early: Cycles = NONE
+    sooner: int = 0
 
     @property
     def period(self) -> Cycles:
         """Return the frame's length in cycles."""
-        return Cycles(self.tick * sum(slot.ticks for slot in self.slots))
+        return Cycles(self.tick * (sum(slot.ticks for slot in self.slots) + self.sooner))
 
     def rise(self, channel: int) -> Cycles:
         """Return the cycle of the frame in which a channel's pulse begins."""
@@ -109,9 +121,24 @@ class SlotLayout:
     def after_rise(self) -> Cycles:
         """Return the cycles from the wire's rise in the first slot to the first pulse of the frame.
 
-        The look is in the last cycles before the pins of a slot with pulses would rise.
+        The look is in the last cycles before the pins of a slot with pulses would rise. With two crystals
+        they are those from the look that sees the rise.
         """
+        if self.early:
+            return Cycles(AFTER_SEEN + self.tick * self.slots[1].ticks + to_rise(self.tick))
         return Cycles(self.tick * self.slots[1].ticks + AFTER_LOOK)
+
+    @property
+    def look_delay(self) -> int:
+        """Return the kernel's delay before the first look for a rise, in cycles."""
+        return (self.sooner - 3) * self.tick - self.early - AFTER_SEEN - TO_LOOK
+
+    def for_own_crystal(self, early: Cycles) -> SlotLayout:
+        """Return the layout whose looks for the wire's rise begin `early`."""
+        sooner = 3 - -(early + AFTER_SEEN + TO_LOOK + LEAST_DELAY) // self.tick
+        first, *others = self.slots
+        slots = (replace(first, ticks=first.ticks - sooner), *others)
+        return replace(self, slots=slots, early=early, sooner=sooner)
 
     @property
     def order(self) -> tuple[int, ...]:
@@ -145,11 +172,11 @@ def layout(
     doublings: int = 0,
     *,
     legs: bool = False,
-    looking: bool = False,
+    wire: FrameWire | None = None,
     motion_c: Cycles | None = None,
 ) -> SlotLayout:
     """Return the slots of `servos`, two of a port at a time: by pins if that fits, else by pulse length;
-    before them one for `looking` at a wire.
+    before them one for looking at the `wire` that is followed.
 
     `used` are the pulses of the motion, one entry per servo; `doublings` is the number of times, over all
     channels, that the C doubles a value. `motion_c` are the cycles reserved for the C between two frames if
@@ -168,12 +195,16 @@ def layout(
                 "choose a faster clock",
             )
     rooms = [widths.room(servo, clock) for servo, widths in zip(servos, used, strict=True)]
-    look: Pairs = [("B", ())] if looking else []
+    look: Pairs = [("B", ())] if wire else []
+    early = wire.early(frame.period.cycles) if wire else NONE
+    if early:
+        motion_c = Cycles(motion_c + early + 5 * TICKS[0])
     for pairs in ([*look, *_by_pins(servos)], [*look, *_by_length(servos, rooms)]):
         longest = _longest(pairs, rooms, stagger)
         fitting = _slots(pairs, longest, motion_c, frame, clock)
         if fitting is not None:
-            return SlotLayout(fitting[0], fitting[1], stagger, looking)
+            slots = SlotLayout(fitting[0], fitting[1], stagger, looking=wire is not None)
+            return slots.for_own_crystal(wire.early(slots.period)) if wire and early else slots
     minimum = demand(servos, used, frame, clock, doublings, legs=legs, motion_c=motion_c).minimum
     raise InputError(
         "frame-too-short",

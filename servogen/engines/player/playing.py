@@ -13,6 +13,7 @@ from fractions import Fraction
 import numpy as np
 
 from servogen.engines.firmware import ResourceError
+from servogen.engines.inputs.wire import FrameWire
 from servogen.engines.player.arithmetic import Whole
 from servogen.engines.player.encoding import Encoded
 from servogen.engines.player.knees import Knees, knees_of
@@ -96,15 +97,15 @@ def playing(
     max_bytes: int = DATA_BYTES,
     bends: bool = True,
     halves: bool = False,
-    looking: bool = False,
+    wire: FrameWire | None = None,
 ) -> Playing:
     """Return how the player plays `trajectory`; `servos` are its joints, in its order.
 
     `bindings` tell which servos belong to legs; `soft` are the frames at which the parts of the soft start
     end. The distance from the plan is as small as tables of `max_bytes` allow; it may exceed `max_error_us`,
     which the caller checks. A walk that exceeds it is encoded more closely, if `bends` allows it with the
-    knees of bent calibrations. Poses may lie in two tables of `halves` of rows. The program may be `looking`
-    at the wire of another chip. Raises InputError.
+    knees of bent calibrations. Poses may lie in two tables of `halves` of rows. The program may follow
+    the `wire` of another chip. Raises InputError.
     """
     clock = trajectory.clock
     rows = ideal_widths(trajectory, servos, clock)
@@ -113,7 +114,7 @@ def playing(
     pairs = leg_channels(servos, bindings)
     loop_start = trajectory.loop_start
     encoded = encoded_motion(rows, loop_start, soft, pairs, max_error_us, clock, max_bytes, halves=halves)
-    played = _played(trajectory, servos, frame, rows, encoded, looking=looking)
+    played = _played(trajectory, servos, frame, rows, encoded, wire=wire)
     for turns in ((), [turn for turn, _ in pairs] if bends else ()):
         if not encoded.legs or played.plan.schedule.plan_error_us <= max_error_us:
             break
@@ -121,7 +122,7 @@ def playing(
         room = max_bytes - (KNEES_BYTES if knees.bends.any() else 0)
         try:
             closer = encoded_motion(rows, loop_start, soft, pairs, max_error_us, clock, room, knees=knees)
-            other = _played(trajectory, servos, frame, rows, closer, looking=looking)
+            other = _played(trajectory, servos, frame, rows, closer, wire=wire)
         except InputError:  # no time, or no room, for knees
             break
         played = min(played, other, key=lambda each: each.plan.schedule.plan_error_us)
@@ -136,7 +137,7 @@ def _played(
     rows: Floats,
     encoded: Encoded,
     *,
-    looking: bool,
+    wire: FrameWire | None,
 ) -> Playing:
     """Return the trajectory, whose widths are `rows` in cycles, as the chip plays it. Raises InputError."""
     clock = trajectory.clock
@@ -149,7 +150,7 @@ def _played(
     pulsed = encoded.widths[~encoded.silent]
     used = [Used(Cycles(int(channel.min())), Cycles(int(channel.max()))) for channel in pulsed.T]
     legs = encoded.legs is not None
-    slots = layout(servos, used, frame, clock, encoded.scale.doublings, legs=legs, looking=looking)
+    slots = layout(servos, used, frame, clock, encoded.scale.doublings, legs=legs, wire=wire)
     rises = [slots.rise(channel) for channel in range(len(servos))]
     pulses = np.where(encoded.silent[:, None], NO_PULSE, encoded.widths)
     error = plan_error_of(played, servos, encoded.widths, ideal, clock)

@@ -67,6 +67,11 @@ LAST_C = 4
 """The cycles from the wire's last rise before the pulses to that in the middle of the kernel's look, without
 the last delay, the ticks and the kernel's way to the rise of its pins."""
 
+OWN_C = 0
+"""The cycles from the look that sees the first rise to the clearing of TMR0, without the last delay, beyond
+those where the kernel sees a rise.
+"""
+
 OVERRUN = "overrun"
 """The variable whose bit 0 is set once the C between two slots has taken too long."""
 
@@ -190,6 +195,8 @@ class _Delay:
 @dataclass(frozen=True, slots=True)
 class _WireText:
     follows: bool
+    own: bool
+    """Whether each chip has its own crystal."""
     mask: str
     code: tuple[AsmLine, ...]
     restart: str | None
@@ -205,6 +212,7 @@ def _wire(wire: FrameWire | None, played: Playing) -> _WireText | None:
     period, slots = played.plan.schedule.period, played.layout
     values: dict[str, object] = {
         "follows": wire.follows,
+        "own": bool(wire.crystal_ppm),
         "frames": wire.quiet_frames(played.plan.schedule.clock, period),
         "frame": _Delay.of(period - JOIN_C if wire.follows else period),
     }
@@ -212,14 +220,19 @@ def _wire(wire: FrameWire | None, played: Playing) -> _WireText | None:
         values |= {
             "port": wire.pin[1],
             "bit": int(wire.pin[2]),
-            "pause": quiet_pause(period),
+            "pause": quiet_pause(Cycles(period + slots.early)),
             "late": LOOKED_LATE,
             "ahead": slots.slots[0].ticks,
-            "last": _Delay.of(period - LAST_C - to_rise(slots.tick) - slots.slots[0].ticks * slots.tick),
+            "last": _Delay.of(
+                sum(slot.ticks for slot in slots.slots[1:]) * slots.tick - OWN_C
+                if slots.early
+                else period - LAST_C - to_rise(slots.tick) - slots.slots[0].ticks * slots.tick
+            ),
         }
     code = tuple(assembly(render_template("player/wire.asm", **values)))
     return _WireText(
         wire.follows,
+        bool(wire.crystal_ppm),
         f"0x{1 << int(wire.pin[2]):02X}",
         code,
         wire.restart if wire.follows else None,
@@ -304,7 +317,15 @@ def render_player(
         ],
         wire=_wire(wire, played),
         kernel=list(
-            assembly(kernel(tick, played.layout.stagger, wire.pin[1] if wire and wire.follows else None))
+            assembly(
+                kernel(
+                    tick,
+                    played.layout.stagger,
+                    wire if wire and wire.follows else None,
+                    played.layout.early,
+                    played.layout.look_delay,
+                )
+            )
         ),
         blend=list(assembly(render_template("player/blend.asm", twice=legs is not None))),
         width=list(
@@ -482,16 +503,20 @@ def _tables(played: Playing) -> dict[str, list[int]]:
     return halves
 
 
-def kernel(tick: Cycles, stagger: Cycles, wire: str | None = None) -> str:
+def kernel(
+    tick: Cycles, stagger: Cycles, wire: FrameWire | None = None, early: int = 0, look_delay: int = 0
+) -> str:
     """Return the kernel's assembly; TMR0 counts every `tick` cycles, a slot's second servo rises `stagger`
-    later; `wire` is the port of a wire that it looks at.
+    later; it looks at the `wire`. With two crystals it does so `look_delay` cycles after it would raise pins,
+    for a rise that it awaits `early` cycles later.
 
     The timer's next three increments are read at the cycles `reads` after the beginning of the slot.
     """
     reads = (tick - 2, 2 * tick - 1, 3 * tick - 1)
-    pads = (_pad(tick - 9), _pad(tick - 9), _pad(tick - 7))
+    pads = (_pad(tick - 9), _pad(tick - 9), _pad(tick - 7), _pad(look_delay - 1))
+    looks = {"wire": wire and wire.pin[1], "bit": wire and wire.pin[2], "early": early}
     return render_template(
-        "player/kernel.asm", tick=tick, reads=reads, pads=pads, stagger=stagger, way=WAY + stagger, wire=wire
+        "player/kernel.asm", tick=tick, reads=reads, pads=pads, stagger=stagger, way=WAY + stagger, **looks
     )
 
 
