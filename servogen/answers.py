@@ -251,11 +251,21 @@ class VerifyCaptureAnswer(CaptureVerdictAnswer, RunAnswer):
     """`verify --against` of a capture."""
 
 
+class JitterAnswer(TypedDict):
+    """Where the pulses of a second chip with a crystal of its own are, after their places."""
+
+    crystal_ppm: Annotated[int, "By how much each crystal may be off."]
+    runs: Annotated[int, "The runs, at the limits of both crystals and at equal frequencies."]
+    seen_us: Annotated[list[float], "The least and the most in these runs."]
+    allowed_us: Annotated[list[float], "The least and the most that crystals and looks make."]
+
+
 class PairVerdictAnswer(TypedDict):
     """The verdict on the programs of two chips in one time."""
 
     exact: Annotated[bool, "Whether every edge of both is the schedules'."]
     apart_cycles: Annotated[int | None, "How far they are from the time that they should have to each other."]
+    jitter: Annotated[JitterAnswer | None, "With a crystal each; null: with one."]
     chips: Annotated[list[VerdictAnswer], "The verdict on each."]
 
 

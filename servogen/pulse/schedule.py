@@ -219,8 +219,11 @@ MAX_PPM = 1000
 
 def awaited_early(period: Cycles, crystal_ppm: int) -> Cycles:
     """Return by how much the looks for a wire's rise begin before a frame has passed, and end after it, if
-    both crystals may be off by `crystal_ppm`; an even number. They begin before any rise, seen late or not.
+    both crystals may be off by `crystal_ppm`; an even number, 0 for one crystal. They begin before any rise,
+    seen late or not.
     """
+    if not crystal_ppm:
+        return NO_CYCLES
     drift = -(-2 * period * crystal_ppm // (1_000_000 - crystal_ppm))
     return Cycles(2 * (drift // 2 + 1) + FIRST_CYCLES)
 
@@ -250,7 +253,7 @@ class WireRule:
 
     def early(self, period: Cycles) -> Cycles:
         """Return by how much the looks for a rise begin before a frame has passed; 0 with one crystal."""
-        return awaited_early(period, self.crystal_ppm) if self.crystal_ppm else NO_CYCLES
+        return awaited_early(period, self.crystal_ppm)
 
     def to_json(self) -> dict[str, object]:
         restart = {"restart": self.restart, "restart_cycles": self.pulled} if self.restart else {}

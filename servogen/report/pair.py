@@ -52,7 +52,7 @@ def _values(facts: PairFacts) -> dict[str, object]:
     first, second = facts.jobs
     ends = [_wire_of(job) for job in facts.jobs]
     pins = [_pins(job, end) for job, end in zip(facts.jobs, ends, strict=True)]
-    crystal = _beside(0, pins[0]["OSC1"])
+    crystals = [_beside(number, its["OSC1"]) for number, its in enumerate(pins)]
     both = replace(first, servos=(*first.servos, *second.servos))
     return {
         "title": facts.title,
@@ -66,16 +66,20 @@ def _values(facts: PairFacts) -> dict[str, object]:
             }
             for number, job in enumerate(facts.jobs)
         ],
-        "clock": _clock(pins),
-        "crystal": {
-            "path": f"M{crystal[0]} {crystal[1]} h24 v26 h-24",
-            "x": crystal[0] + 24,
-            "y": crystal[1] + 13,
-            "text": f"{first.clock.hz / 1e6:g} MHz, 2 × 22 pF",
-        },
+        "clock": None if ends[1].crystal_ppm else _clock(pins),
+        "crystals": [
+            {
+                "path": f"M{x} {y} h24 v26 h-24",
+                "x": x + 24,
+                "y": y + 13,
+                "text": f"{first.clock.hz / 1e6:g} MHz, 2 × 22 pF",
+            }
+            for x, y in crystals[: 2 if ends[1].crystal_ppm else 1]
+        ],
         "wire": _wire(pins, ends),
         "restart": _restart(pins, ends[1].restart),
         "remarks": [
+            *[crystals_text(ends[1])] * bool(ends[1].crystal_ppm),
             "One supply and one ground for both chips, 100 nF at each VDD, the crystal's 22 pF to ground; "
             "the ground is also that of the servos' supply.",
             *restart_text(ends[1]),
@@ -86,6 +90,13 @@ def _values(facts: PairFacts) -> dict[str, object]:
         "programs": facts.programs,
         "one_run": facts.one_run,
     }
+
+
+def crystals_text(end: FrameWire) -> str:
+    """Return which crystals the chips have."""
+    if end.crystal_ppm:
+        return f"Each chip has a crystal of its own, off by {end.crystal_ppm} ppm or less."
+    return "One crystal, at chip1; its OSC2 is chip2's OSC1."
 
 
 def restart_text(end: FrameWire) -> tuple[str, ...]:

@@ -71,11 +71,12 @@ def wires(job: Job) -> Iterator[Wire]:
             yield Wire(numbers[chips.restart], chips.restart, "MCLR of the first chip, through a jumper")
         elif chips.restart:
             reset += f", and {chips.restart} of the second chip through a jumper"
-        crystal = (
-            ("OSC2 of the first chip", "nothing")
-            if chips.follows
-            else (crystal[0], f"{crystal[1]}, and OSC1 of the second chip")
-        )
+        if not chips.crystal_ppm:
+            crystal = (
+                ("OSC2 of the first chip", "nothing")
+                if chips.follows
+                else (crystal[0], f"{crystal[1]}, and OSC1 of the second chip")
+            )
     for pin, use in (
         ("VDD", "+5 V, 100 nF to VSS"),
         ("VSS", "ground, also of the servos' supply"),

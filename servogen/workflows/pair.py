@@ -27,28 +27,33 @@ from servogen.pic.image import Image
 from servogen.plan_error import plan_text
 from servogen.programs import PAIR_FOLDERS, is_built_pair, read_pair
 from servogen.pulse import PulseSchedule
-from servogen.report.pair import PairFacts, pair_page, restart_text
+from servogen.pulse.schedule import WireRule
+from servogen.report.pair import PairFacts, crystals_text, pair_page, restart_text
 from servogen.units import Cycles
 from servogen.verify import Verdict, verdict_lines
 from servogen.workflows.engines import PlayedJob, planned
 from servogen.workflows.job_build import Build, build_alone, write
+from servogen.workflows.own_crystals import Jitter, jitter, runs_of
 from servogen.workflows.pair_proof import PairProof, prove_pair
 from servogen.workflows.verification import checked_cycles, judge_edges
 
 if TYPE_CHECKING:
     from servogen.answers import PairBuildFacts, PairVerdictAnswer
 
-ONE_RUN = "This is one run of each pair. What holds for every power-up and wire: servogen prove {folder}."
+ONE_RUN = "This is one run of each pair."
+SEVERAL_RUNS = "These are {} runs of each pair: the crystals equal, and at opposite limits, both ways."
 
 
 @dataclass(frozen=True, slots=True)
 class PairVerdict:
     """The verdicts on two chips that run in one time, and how far the second one's first edge is from where
-    the wire puts it: None if one of them never begins.
+    the wire puts it: None if one of them never begins. With a crystal each these are of the first run that is
+    not exact, else of the last one; `jitter` is of all.
     """
 
     chips: tuple[Verdict, Verdict]
     apart: int | None
+    jitter: Jitter | None = None
 
     @property
     def exact(self) -> bool:
@@ -62,8 +67,11 @@ class PairVerdict:
             else f"chip2 is {self.apart:+d} cycles from the wire's frame"
             if self.apart
             else "chip2 keeps the wire's frame: 0 cycles apart"
+            if self.jitter is None
+            else self.jitter.text()
         )
-        return f"both chips: {'exact' if self.exact else 'NOT exact'} in one run; {apart}"
+        runs = "one run" if self.jitter is None else f"{self.jitter.runs} runs, each in its own cycles"
+        return f"both chips: {'exact' if self.exact else 'NOT exact'} in {runs}; {apart}"
 
     def lines(self) -> list[str]:
         """Return the verdict as text, that on both first."""
@@ -78,6 +86,7 @@ class PairVerdict:
         return {
             "exact": self.exact,
             "apart_cycles": self.apart,
+            "jitter": None if self.jitter is None else self.jitter.to_json(),
             "chips": [verdict.to_json() for verdict in self.chips],
         }
 
@@ -101,8 +110,14 @@ class PairBuild:
             *verdicts,
             *self.programs(),
             f"wiring and every servo: {folder / 'report.html'}, report.txt",
-            ONE_RUN.format(folder=folder),
+            self.ran(folder),
         ]
+
+    def ran(self, folder: Path | str) -> str:
+        """Return how much the verdicts are about, and what proves the rest."""
+        jitter = next((verdict.jitter for verdict in self.verdicts.values() if verdict.jitter), None)
+        runs = SEVERAL_RUNS.format(jitter.runs) if jitter else ONE_RUN
+        return f"{runs} What holds for every power-up and wire: servogen prove {folder}."
 
     def programs(self) -> list[str]:
         """Return the size of each chip's programs, and how far its schedule is from the plan."""
@@ -242,14 +257,32 @@ def _images(build: Build) -> dict[str, Image]:
 
 def judge_pair(schedules: tuple[PulseSchedule, PulseSchedule], images: tuple[Image, Image]) -> PairVerdict:
     """Run both chips in one time and return the verdict."""
-    first = schedules[0]
+    first, rule = schedules[0], schedules[1].wire
     limit = first.run_cycles(Cycles(max(checked_cycles(each) for each in schedules)))
+    if rule is not None and rule.crystal_ppm:
+        return _judge_own_crystals(schedules, images, rule, limit)
     edges = join(paired_machine(schedules, images).stream(limit))
     others = edges.pin >= OTHER_PINS
     mine, theirs = part(edges, ~others), part(edges, others)
     theirs = theirs._replace(pin=theirs.pin - np.uint8(OTHER_PINS))
     leads, follows = (EdgeTrace(first.clock, [each], limit) for each in (mine, theirs))
     return judge_traces(schedules, (leads, follows))
+
+
+def _judge_own_crystals(
+    schedules: tuple[PulseSchedule, PulseSchedule], images: tuple[Image, Image], rule: WireRule, limit: Cycles
+) -> PairVerdict:
+    """Run two chips with a crystal each, at several frequencies, and return the verdict on all runs."""
+    verdict, runs, late = None, 0, list[float]()
+    for run in runs_of(schedules, images, rule, limit):
+        runs, late = runs + 1, [*late, *run.late]
+        if verdict is None or verdict.exact:
+            verdict = judge_traces(schedules, run.traces)
+    assert verdict is not None
+    cycle_us = schedules[0].clock.cycle_us
+    early_us, late_us = (float(cycles * cycle_us) for cycles in jitter(rule, schedules[1].period))
+    seen_us = min(late) * float(cycle_us), max(late) * float(cycle_us)
+    return replace(verdict, jitter=Jitter(rule.crystal_ppm, runs, seen_us, (early_us, late_us)))
 
 
 def judge_traces(
@@ -314,7 +347,7 @@ def pair_html(result: PairBuild) -> str:
                 )
                 for dialect, verdict in result.verdicts.items()
             ],
-            ONE_RUN.format(folder="on this folder"),
+            result.ran("on this folder"),
         )
     )
 
@@ -324,11 +357,12 @@ def pair_report(result: PairBuild) -> str:
     name, (first, second) = result.job.name, result.job.chips
     lines = [name, "=" * len(name), ""]
     lines += [
-        "One crystal, at chip1; its OSC2 is chip2's OSC1. One supply, one ground.",
+        f"{crystals_text(first.wire)} One supply, one ground.",
         f"The wire: {first.wire.pin} of chip1, also a servo's signal, to {second.wire.pin} of chip2, with a "
         "pull-down of 10 kOhm.",
         "chip2 has no pulses in the first frames of chip1 and begins with the next. In a frame in which the",
-        "wire does not rise in its cycle it releases its pulses; it begins again when chip1 does.",
+        f"wire does not rise in its {'time' if first.wire.crystal_ppm else 'cycle'} it releases its pulses; "
+        "it begins again when chip1 does.",
         *restart_text(first.wire),
     ]
     for folder, build, programs in zip(PAIR_FOLDERS, result.chips, result.programs(), strict=True):
@@ -336,5 +370,5 @@ def pair_report(result: PairBuild) -> str:
         lines += ["", f"{folder}: {pins}", f"{programs}; all of it in {folder}/report.txt"]
     for dialect, verdict in result.verdicts.items():
         lines += ["", f"{dialect}:", *(f"  {line}" for line in verdict.lines())]
-    lines += ["", ONE_RUN.format(folder="on this folder")]
+    lines += ["", result.ran("on this folder")]
     return "\n".join(line.rstrip() for line in lines) + "\n"

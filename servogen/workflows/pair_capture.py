@@ -8,7 +8,7 @@ fitted to their edges say how far the second chip's frame is from where the wire
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,8 @@ from servogen.errors import InputError, Location
 from servogen.programs import PAIR_FOLDERS
 from servogen.pulse import PulseSchedule
 from servogen.traces.captures import read_capture, sampled_at
-from servogen.verify import CaptureVerdict, capture_lines
+from servogen.verify import CaptureVerdict, Tolerances, capture_lines
+from servogen.workflows.own_crystals import drift, jitter
 from servogen.workflows.verification import judge_capture
 
 if TYPE_CHECKING:
@@ -79,11 +80,31 @@ def judge_pair_capture(
     verdicts = []
     for mark, schedule in zip(CHIP_MARKS, schedules, strict=True):
         capture = read_capture(file, _wires_of(file, mark, schedule, wires))
-        verdicts.append(judge_capture(schedule, capture if rate is None else sampled_at(capture, rate)))
+        sampled = capture if rate is None else sampled_at(capture, rate)
+        verdicts.append(judge_capture(schedule, sampled, _tolerances(schedule)))
     first, second = verdicts
     cycle_us = float(schedules[0].clock.cycle_us)
-    allowed = (first.sample_us + first.tolerances.edge_us) / cycle_us
+    allowed = (first.sample_us + second.tolerances.edge_us) / cycle_us
     return PairCaptureVerdict((first, second), _apart(schedules, first, second), allowed)
+
+
+def _tolerances(schedule: PulseSchedule) -> Tolerances:
+    """Return what is allowed of a chip: with a crystal of its own, also the jitter of its frames, and in its
+    pulses how far both crystals are apart.
+    """
+    usual, rule = Tolerances(), schedule.wire
+    if rule is None or not rule.crystal_ppm:
+        return usual
+    early, late = jitter(rule, schedule.period)
+    span_us = float((late - early) * schedule.clock.cycle_us)
+    runs = (*schedule.lead_in, *schedule.loop)
+    longest = max(pulse.width for run in runs for pulse in run.pulses if pulse)
+    return replace(
+        usual,
+        width_us=usual.width_us + float(longest * drift(rule) * schedule.clock.cycle_us),
+        period_us=usual.period_us + span_us,
+        edge_us=usual.edge_us + span_us,
+    )
 
 
 def _wires_of(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import ceil
 from typing import TYPE_CHECKING
 
 from servogen.pic.image import Image
@@ -18,6 +19,7 @@ from servogen.prove.prover import MAX_STATES
 from servogen.prove.wire import NEAR
 from servogen.pulse import PulseSchedule
 from servogen.workflows.certificates import CHECKED, CertificateVerdict, Witnessed, prove_program
+from servogen.workflows.own_crystals import drift, jitter
 
 if TYPE_CHECKING:
     from servogen.answers import PairProofFacts
@@ -64,7 +66,12 @@ class PairProof:
             rows += [f"  {text}" for text in self._theorem()]
         for name, (verdict, proof, _) in zip(PAIR_FOLDERS, self.chips, strict=True):
             rows += [f"{name}: {verdict.text}", f"  {proof.states} states, {proof.runs} runs"]
-        assumed = [*ASSUMED, *restarts, *(each for _, proof, _ in self.chips for each in proof.assumptions)]
+        ppm = wire.crystal_ppm if wire else 0
+        crystals = OWN_CRYSTALS.format(ppm) if ppm else ONE_CRYSTAL
+        chips: Iterator[str] = (each for _, proof, _ in self.chips for each in proof.assumptions)
+        if ppm:  # each chip is proven in cycles of its own
+            chips = (each.removesuffix("; the crystal is exact") for each in chips)
+        assumed = [crystals, *ASSUMED, *restarts, *chips]
         return [*rows, "assumed:", *(f"  {each}" for each in dict.fromkeys(assumed))] if self.proven else rows
 
     def _theorem(self) -> Iterator[str]:
@@ -73,9 +80,14 @@ class PairProof:
         assert rule is not None
         late = float(first.clock.us(self.late)) / 1000
         yield "for every power-up, input, chip and wire: every edge of chip1 is its schedule's; chip2 has"
-        yield "whole frames of its schedule, those in which the wire rises in its cycle, and no other pulse"
+        when = "time, each from the look that sees it" if rule.crystal_ppm else "cycle"
+        yield f"whole frames of its schedule, those in which the wire rises in its {when}, and no other pulse"
         of = "either chip" if rule.restart else "chip1"
-        yield f"from each reset of {of} on, chip2's first edge comes {rule.cycles} cycles after the wire's"
+        if rule.crystal_ppm:
+            early, most = (float(each * second.clock.cycle_us) for each in jitter(rule, second.period))
+            yield f"its pulses come {early:+.1f} to {most:+.1f} µs from their places in chip1's time"
+        after = "the look that sees the wire's" if rule.crystal_ppm else "the wire's"
+        yield f"from each reset of {of} on, chip2's first edge comes {rule.cycles} cycles after {after}"
         if rule.restart:
             yield f"rise {rule.frames}, counted from 0: a chip2 that begins resets chip1 before it joins"
             return
@@ -94,8 +106,10 @@ class PairProof:
         }
 
 
+ONE_CRYSTAL = "both chips count the cycles of one crystal"
+OWN_CRYSTALS = "the crystal of each chip is off by {} ppm or less"
 ASSUMED = (
-    "both chips count the cycles of one crystal; the wire has a pull-down and passes every level on",
+    "the wire has a pull-down and passes every level on",
     "no pulse of at most 10 cycles on the wire before the first chip's first frame, beside its reset",
 )
 RESET_US = 2
@@ -128,16 +142,19 @@ def _late(schedules: tuple[PulseSchedule, PulseSchedule], first: Answer) -> int:
     _, proof, witness = first
     known = [proof.silence, witness.checked.silence if witness and witness.checked else None]
     silence = min((each for each in known if each is not None), default=0)
-    rule = schedules[1].wire
+    rule, period = schedules[1].wire, schedules[1].period
     # Up to its first look, from there to a low level, and beyond `quiet` to the next look, a frame each.
-    return silence - 3 * schedules[1].period - (rule.quiet if rule else 0) - NEAR
+    late = silence - 3 * period - (rule.quiet if rule else 0) - NEAR
+    # In the cycles of either chip: with two crystals they may differ.
+    return late - ceil(silence * drift(rule)) if rule else late
 
 
 def _too_soon(first: PulseSchedule, second: PulseSchedule, late: int) -> Iterator[str]:
     """Yield why a second chip that still follows, or joins, what the first did before its reset may not be
     ready for what it does after it.
     """
-    needed = second.wire.frames * second.period + 2 if second.wire else 0
+    rule = second.wire
+    needed = rule.frames * second.period + 2 + rule.early(second.period) if rule else 0
     if late < needed:
         yield f"chip1 begins its motion {needed - late} cycles too soon after a reset: chip2 needs them"
 
@@ -160,7 +177,8 @@ def _misfits(first: PulseSchedule, second: PulseSchedule) -> Iterator[str]:
     pulses = [pulse for pulse in wires if pulse is not None]
     if None in wires or len({pulse.rise for pulse in pulses}) != 1:
         yield f"{rule.source} of chip1 does not rise in the same cycle of every frame"
-    if any(not NEAR <= pulse.width <= first.period - NEAR for pulse in pulses):
-        yield f"a pulse of {rule.source} of chip1, or the time between two, is shorter than {NEAR} cycles"
+    near = NEAR + 2 * rule.early(second.period)
+    if any(not near <= pulse.width <= first.period - near for pulse in pulses):
+        yield f"a pulse of {rule.source} of chip1, or the time between two, is shorter than {near} cycles"
     if first.lead_in_frames - second.lead_in_frames != rule.frames or first.loop_frames != second.loop_frames:
         yield f"chip2's frames are not those of chip1 from its frame {rule.frames} on"

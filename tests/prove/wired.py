@@ -1,11 +1,13 @@
 """Two small programs with a wire between them, in which every cycle is counted: frames of 1000 cycles.
 
 The second one's pulses come `CYCLES` cycles after the wire's rises, from that of frame `FRAMES` on. It looks
-at the wire as the player's second chip does (docs/firmware.md, "Two chips"), without TMR0.
+at the wire as the player's second chip does (docs/firmware.md, "Two chips"), without TMR0. `OWN` is a second
+one with a crystal of its own.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 from servogen.pic.assembler.assembly import assemble
@@ -64,6 +66,30 @@ LOOK = """
 """
 
 
+OWN_PPM, LOOKS = 1000, 9
+"""Of a drift of 2 cycles in a frame the next whole number is 3: from 8 cycles before to 8 after, every 2."""
+OWN_LOOK = (
+    """
+        btfsc PORTA, 1
+        goto wire
+"""
+    + "        btfsc PORTA, 1\n        goto {rose}\n" * (LOOKS - 1)
+    + "        goto wire\n{rose}\n"
+)
+OWN_JOIN = """
+wire    movlw 64
+        movwf 0x21
+quiet   btfsc PORTA, 1
+        goto wire
+{look}
+        decfsz 0x21, f
+        goto quiet
+rise    btfss PORTA, 1
+        goto rise
+{last}
+"""
+
+
 def wait(cycles: int) -> str:
     """Return words that take so many cycles."""
     turns, rest = divmod(max(cycles - 1, 0), 3)
@@ -89,13 +115,13 @@ def _assembled(text: str, old: str, new: str) -> Image:
 
 
 @cache
-def first_chip(old: str = "", new: str = "") -> Image:
+def first_chip(old: str = "", new: str = "", frames: int = FRAMES) -> Image:
     """The program whose pulses are the wire, with a part of its text replaced everywhere; 12 frames without
-    any come before its motion.
+    any come before its motion, which begins with `frames` equal ones.
     """
     silence = f"        movlw 12\n        movwf 0x22\nquiet\n{wait(997)}"
     silence += "        decfsz 0x22, f\n        goto quiet\n"
-    begin = 3 * _pulse(LEADING[0], PERIOD - LEADING[0] - 2)
+    begin = frames * _pulse(LEADING[0], PERIOD - LEADING[0] - 2)
     low, high = LEADING
     loop = _pulse(low, PERIOD - low - 2) + _pulse(high, PERIOD - high - 4)
     return _assembled(f"{silence}{begin}loop\n{loop}        goto loop\n", old, new)
@@ -108,6 +134,26 @@ def second_chip(old: str = "", new: str = "") -> Image:
     high = LOOK + wait(4) + _pulse(FOLLOWING[1], PERIOD - 14 - FOLLOWING[1])
     join = JOIN.format(look=wait(11), turn=wait(994), last=wait(995))
     return _assembled(f"{join}loop\n{low}{high}        goto loop\n", old, new)
+
+
+@cache
+def own_second_chip(old: str = "", new: str = "") -> Image:
+    """The program with a crystal of its own that follows the wire, with a part of its text replaced once."""
+    frames = ""
+    for rose, width, back in (("one", FOLLOWING[0], 0), ("two", FOLLOWING[1], 2)):
+        frames += OWN_LOOK.format(rose=rose) + wait(6) + _pulse(width, PERIOD - 19 - back - width)
+    join = OWN_JOIN.format(look=wait(11), last=wait(PERIOD - 10))
+    return _assembled(f"{join}loop\n{frames}        goto loop\n", old, new)
+
+
+@cache
+def own_schedules() -> tuple[PulseSchedule, PulseSchedule]:
+    """The schedules of both chips with a crystal each."""
+    first, second = schedules()
+    rule = second.wire
+    assert rule is not None
+    rule = replace(rule, frames=1, crystal_ppm=OWN_PPM)
+    return replace(first, lead_in=_runs(LEADING[:1])), replace(second, wire=rule)
 
 
 def _runs(widths: tuple[int, ...]) -> tuple[Run, ...]:

@@ -23,7 +23,6 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import ClassVar
 
-from servogen.pulse.schedule import awaited_early
 from servogen.units import Clock, Cycles
 
 LOOKED_LATE = 3
@@ -75,10 +74,6 @@ class FrameWire:
     def joining_frames(self) -> int:
         """Return the first chip's frames, from its first one on, in which the second has no pulses yet."""
         return 1 if self.crystal_ppm else LOOKED_LATE + 1
-
-    def early(self, period: Cycles) -> Cycles:
-        """Return by how much the looks for a rise begin before a frame has passed; 0 with one crystal."""
-        return awaited_early(period, self.crystal_ppm) if self.crystal_ppm else Cycles(0)
 
     def quiet_frames(self, clock: Clock, period: Cycles) -> int:
         """Return the frames without pulses with which the first chip begins."""

@@ -23,6 +23,7 @@ from itertools import product
 from servogen.edges import PINS
 from servogen.engines.inputs.wire import FrameWire
 from servogen.errors import InputError
+from servogen.pulse.schedule import awaited_early
 from servogen.pulse.slots import Frame
 from servogen.robot.servo import Servo
 from servogen.units import Clock, Cycles
@@ -196,7 +197,7 @@ def layout(
             )
     rooms = [widths.room(servo, clock) for servo, widths in zip(servos, used, strict=True)]
     look: Pairs = [("B", ())] if wire else []
-    early = wire.early(frame.period.cycles) if wire else NONE
+    early = awaited_early(frame.period.cycles, wire.crystal_ppm) if wire else NONE
     if early:
         motion_c = Cycles(motion_c + early + 5 * TICKS[0])
     for pairs in ([*look, *_by_pins(servos)], [*look, *_by_length(servos, rooms)]):
@@ -204,7 +205,9 @@ def layout(
         fitting = _slots(pairs, longest, motion_c, frame, clock)
         if fitting is not None:
             slots = SlotLayout(fitting[0], fitting[1], stagger, looking=wire is not None)
-            return slots.for_own_crystal(wire.early(slots.period)) if wire and early else slots
+            if not wire or not early:
+                return slots
+            return slots.for_own_crystal(awaited_early(slots.period, wire.crystal_ppm))
     minimum = demand(servos, used, frame, clock, doublings, legs=legs, motion_c=motion_c).minimum
     raise InputError(
         "frame-too-short",
