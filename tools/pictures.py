@@ -32,6 +32,11 @@ SLOW = {
         "servogen/report/pair.py",
         "templates/pair.html.j2",
     ],
+    "two-crystals.png": [
+        "docs/examples/two-chips/two-crystals.toml",
+        "servogen/report/pair.py",
+        "templates/pair.html.j2",
+    ],
     "report.png": ["firmware/lab8-exercise/report.txt", "templates/report.html.j2"],
     **{
         f"watch-{name}.png": ["docs/pictures/watch.py", *files]

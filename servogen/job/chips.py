@@ -105,7 +105,7 @@ def _restart(
             raise document.error(
                 "chip-pair",
                 ("chip", 0, key),
-                f"{key} is the second chip's: the first one does not follow the second",
+                f"the first chip does not restart or follow the second one: {key} is of that",
                 f"write {key} in the second [[chip]]",
             )
     where = ("chip", 1, "restart")

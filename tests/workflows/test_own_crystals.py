@@ -25,14 +25,15 @@ from servogen.edges import (
 )
 from servogen.engines.board import board_of, machine_of
 from servogen.errors import InputError
-from servogen.job import loads, plan_job
+from servogen.job import loads
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
+from servogen.programs import read_pair
 from servogen.simulator import Levels, Machine, Stimuli
 from servogen.traces.captures import capture_writer
 from servogen.units import Cycles
-from servogen.workflows.pair import PlayedPair, judge_pair, planned_pair
-from servogen.workflows.pair_capture import judge_pair_capture
+from servogen.workflows.pair import judge_pair
+from servogen.workflows.pair_capture import Schedules, judge_pair_capture
 from servogen.workflows.pair_proof import prove_pair
 from tests.prove.wired import OWN_PPM, first_chip, own_schedules, own_second_chip
 from tests.two_chips import ARM, TWO
@@ -43,13 +44,23 @@ LOOK = [encode("BTFSC", f=0x05, b=1)]
 
 
 @pytest.fixture(scope="module")
-def pair() -> PlayedPair:
-    return planned_pair(plan_job(loads(OWN, "arm.toml")))
+def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The folder of the arm's build, and what was printed."""
+    path = tmp_path_factory.mktemp("own")
+    (path / "arm.toml").write_text(OWN)
+    done = CliRunner().invoke(app, ["build", str(path / "arm.toml"), "-o", str(path / "b")])
+    assert done.exit_code == 0, done.output
+    return path / "b", done.output
 
 
 @pytest.fixture(scope="module")
-def images(pair: PlayedPair) -> tuple[Image, Image]:
-    return pair.images()
+def schedules(built: tuple[Path, str]) -> Schedules:
+    return read_pair(built[0])[0]
+
+
+@pytest.fixture(scope="module")
+def images(built: tuple[Path, str]) -> tuple[Image, Image]:
+    return read_pair(built[0])[1]
 
 
 def looks(image: Image) -> list[int]:
@@ -59,9 +70,9 @@ def looks(image: Image) -> list[int]:
 
 
 def test_every_run_at_the_limits_of_both_crystals_is_exact_within_the_jitter_of_a_look_and_the_drift(
-    pair: PlayedPair, images: tuple[Image, Image]
+    schedules: Schedules, images: tuple[Image, Image]
 ) -> None:
-    verdict = judge_pair(pair.schedules, images)
+    verdict = judge_pair(schedules, images)
     assert verdict.exact and verdict.jitter is not None
     # 20000 cycles at up to 200 ppm, and a look every 2.
     assert verdict.jitter.allowed_us == (pytest.approx(-4, abs=0.01), pytest.approx(6, abs=0.01))
@@ -70,20 +81,22 @@ def test_every_run_at_the_limits_of_both_crystals_is_exact_within_the_jitter_of_
     assert verdict.summary().startswith("both chips: exact in 6 runs, each in its own cycles; chip2's pulses")
 
 
-def test_a_second_chip_that_misses_a_look_is_reported(pair: PlayedPair, images: tuple[Image, Image]) -> None:
+def test_a_second_chip_that_misses_a_look_is_reported(
+    schedules: Schedules, images: tuple[Image, Image]
+) -> None:
     first, second = images
     found = looks(second)
     assert len(found) == 11
     missing = {found[5]: encode("NOP"), found[5] + 1: encode("NOP")}
     wrong = replace(second, program={**second.program, **missing})
-    verdict = judge_pair(pair.schedules, (first, wrong))
+    verdict = judge_pair(schedules, (first, wrong))
     assert not verdict.exact and verdict.apart != 0
 
 
 def test_a_wire_that_stops_releases_the_pulses_until_it_was_quiet_and_rises_again(
-    pair: PlayedPair, images: tuple[Image, Image]
+    schedules: Schedules, images: tuple[Image, Image]
 ) -> None:
-    schedule = pair.schedules[1]
+    schedule = schedules[1]
     rule, period = schedule.wire, int(schedule.period)
     assert rule is not None
     rises = [frame * period for frame in (*range(3, 8), *range(11, 15))]
@@ -96,9 +109,9 @@ def test_a_wire_that_stops_releases_the_pulses_until_it_was_quiet_and_rises_agai
 
 
 @pytest.fixture(scope="module", params=[1 - 2e-4, 1 + 2e-4])
-def recorded(request: pytest.FixtureRequest, pair: PlayedPair, images: tuple[Image, Image]) -> EdgeChunk:
+def recorded(request: pytest.FixtureRequest, schedules: Schedules, images: tuple[Image, Image]) -> EdgeChunk:
     """Two million cycles of both chips, in the first one's time, with the second one's rate."""
-    first, second = pair.schedules
+    first, second = schedules
     rate, rule, end = request.param, second.wire, 3_000_000
     assert rule is not None
     edges = machine_of(first, images[0]).run(end)
@@ -114,14 +127,14 @@ def recorded(request: pytest.FixtureRequest, pair: PlayedPair, images: tuple[Ima
 
 @pytest.mark.parametrize(("late", "agrees"), [(0, True), (40, False), (-40, False)])
 def test_a_recording_of_both_agrees_within_the_jitter(
-    pair: PlayedPair, recorded: EdgeChunk, tmp_path: Path, late: int, agrees: bool
+    schedules: Schedules, recorded: EdgeChunk, tmp_path: Path, late: int, agrees: bool
 ) -> None:
     edges = recorded._replace(cycle=recorded.cycle + np.where(recorded.pin >= OTHER_PINS, late, 0))
     with capture_writer(tmp_path / "it.vcd", 1_000_000, pins=NAMES) as writer:
         writer.add(edge_chunk([0, 0], list(NAMES), [LOW, LOW]))
         writer.add(part(edges, np.argsort(edges.cycle, kind="stable")))
         writer.finish(Cycles(1_970_000))
-    assert judge_pair_capture(pair.schedules, tmp_path / "it.vcd").agrees is agrees
+    assert judge_pair_capture(schedules, tmp_path / "it.vcd").agrees is agrees
 
 
 def test_the_pair_is_proven_with_its_jitter_and_without_the_words_of_one_crystal() -> None:
@@ -133,11 +146,9 @@ def test_the_pair_is_proven_with_its_jitter_and_without_the_words_of_one_crystal
     assert f"off by {OWN_PPM} ppm or less" in text and "one crystal" not in text
 
 
-def test_a_built_pair_says_that_each_chip_has_its_crystal(tmp_path: Path) -> None:
-    job, folder = tmp_path / "arm.toml", tmp_path / "b"
-    job.write_text(OWN)
-    built = CliRunner().invoke(app, ["build", str(job), "-o", str(folder)])
-    assert built.exit_code == 0 and "6 runs of each pair" in built.output, built.output
+def test_a_built_pair_says_that_each_chip_has_its_crystal(built: tuple[Path, str]) -> None:
+    folder, printed = built
+    assert "6 runs of each pair" in printed
     report, page = ((folder / f"report.{kind}").read_text() for kind in ("txt", "html"))
     assert "Each chip has a crystal of its own, off by 100 ppm or less." in report
     assert "OSC1 of the second chip" not in report + page and "OSC2 of chip 1" not in page
@@ -148,7 +159,7 @@ def test_a_built_pair_says_that_each_chip_has_its_crystal(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        (OWN.replace('wire = "RB0"', 'wire = "RB0"\ncrystal_ppm = 50'), "crystal_ppm is the second chip's"),
+        (OWN.replace('wire = "RB0"', 'wire = "RB0"\ncrystal_ppm = 50'), "crystal_ppm is of that"),
         (OWN.replace("= 100", "= 0"), "crystal_ppm"),
         (OWN.replace("= 100", "= 1001"), "crystal_ppm"),
         (OWN.replace("= 100", '= "own"'), "crystal_ppm"),
