@@ -114,7 +114,7 @@ class PairBuild:
         ]
 
     def ran(self, folder: Path | str) -> str:
-        """Return how much the verdicts are about, and what proves the rest."""
+        """Return how many runs the verdicts are about, and which command is about all others."""
         jitter = next((verdict.jitter for verdict in self.verdicts.values() if verdict.jitter), None)
         runs = SEVERAL_RUNS.format(jitter.runs) if jitter else ONE_RUN
         return f"{runs} What holds for every power-up and wire: servogen prove {folder}."

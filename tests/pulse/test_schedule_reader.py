@@ -177,6 +177,9 @@ def test_what_is_allowed(path: str, value: object) -> None:
 
 
 WHOLE_1 = "is not a whole number of 1 to 1000000000: "
+WIRE = {"pin": "RA1", "from": "RB0", "frames": 4, "cycles": 5, "quiet_cycles": 9, "restart": "RA4",
+        "restart_cycles": 768}  # fmt: skip
+
 WRONG = [
     ("version", 2, "version", "is 2, this servogen reads version 1"),
     ("version", 0, "version", "is 0, this servogen reads version 1"),
@@ -251,6 +254,9 @@ WRONG = [
      "has only one of 'end' and 'end_mm': state both, or null for both"),
     ("plan_error.end_mm", "1", "plan_error.end_mm", "is not a number from 0 to 1e+09: '1'"),
     ("device", 84, "device", "is not a text: 84"),
+    ("wire", {**WIRE, "restart_cycles": 0}, "wire.restart_cycles", WHOLE_1 + "0"),
+    ("wire", {**WIRE, "restart": "RA3"}, "wire.restart", "is not RA4: 'RA3'"),
+    ("wire", {**WIRE, "crystal_ppm": 1001}, "wire.crystal_ppm", "is not a whole number of 0 to 1000: 1001"),
 ]  # fmt: skip
 
 

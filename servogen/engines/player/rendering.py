@@ -67,11 +67,6 @@ LAST_C = 4
 """The cycles from the wire's last rise before the pulses to that in the middle of the kernel's look, without
 the last delay, the ticks and the kernel's way to the rise of its pins."""
 
-OWN_C = 0
-"""The cycles from the look that sees the first rise to the clearing of TMR0, without the last delay, beyond
-those where the kernel sees a rise.
-"""
-
 OVERRUN = "overrun"
 """The variable whose bit 0 is set once the C between two slots has taken too long."""
 
@@ -224,7 +219,7 @@ def _wire(wire: FrameWire | None, played: Playing) -> _WireText | None:
             "late": LOOKED_LATE,
             "ahead": slots.slots[0].ticks,
             "last": _Delay.of(
-                sum(slot.ticks for slot in slots.slots[1:]) * slots.tick - OWN_C
+                sum(slot.ticks for slot in slots.slots[1:]) * slots.tick
                 if slots.early
                 else period - LAST_C - to_rise(slots.tick) - slots.slots[0].ticks * slots.tick
             ),
