@@ -56,6 +56,11 @@ class WorkLimits:
     open_files: int = 32
     elapsed_s: float | None = None
 
+    @classmethod
+    def patient(cls, seconds: float, memory_mb: int) -> WorkLimits:
+        """Return limits with which nothing depends on the load of the machine: work may wait, too."""
+        return cls(seconds, memory_mb, elapsed_s=PATIENCE * seconds)
+
     @property
     def deadline_s(self) -> float:
         return self.seconds if self.elapsed_s is None else self.elapsed_s
@@ -64,8 +69,8 @@ class WorkLimits:
 STOP_S = 0.05
 """The interval between two looks at whether work is still wanted."""
 PATIENCE = 4
-"""The allowed elapsed time in multiples of the processor time: nothing depends on the machine's load."""
-COMPILING = WorkLimits(elapsed_s=PATIENCE * 10.0)
+"""The elapsed time of patient limits in multiples of their processor time."""
+COMPILING = WorkLimits.patient(10.0, 300)
 """The limits for compiling or assembling one program. Programs that fit the chip use a tenth of them."""
 
 

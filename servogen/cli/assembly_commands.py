@@ -11,7 +11,7 @@ import typer
 from servogen.cli.files import check_outputs, read_image, within_limits, write_program
 from servogen.cli.options import DeviceName, MemoryLimit, Output, TimeLimit
 from servogen.cli.show import next_step, warn_of_all
-from servogen.isolation import COMPILING, PATIENCE, WorkLimits
+from servogen.isolation import COMPILING, WorkLimits
 from servogen.outputs import write_text
 from servogen.pic.assembler.assembly import AssemblySource, beside, link
 from servogen.pic.assembler.sections import EVERY_CHIP, read_place, read_script
@@ -55,7 +55,7 @@ def assemble(
     assembly = within_limits(
         lambda: link(modules, chip, memory),
         sources[0],
-        WorkLimits(timeout, memory_mb, elapsed_s=PATIENCE * timeout),
+        WorkLimits.patient(timeout, memory_mb),
         "--timeout and --memory-mb allow more",
     )
     target = output or sources[0].with_suffix(".hex")

@@ -18,7 +18,7 @@ from servogen.compiler import Options, Source, compile_sources
 from servogen.compiler.diagnostics import WARNINGS
 from servogen.compiler.passes.manager import PASSES
 from servogen.errors import InputError, Location, did_you_mean
-from servogen.isolation import COMPILING, PATIENCE, WorkLimits
+from servogen.isolation import COMPILING, WorkLimits
 from servogen.programs import beside_c, devices_of, dialect_of, included_names, read_source
 from servogen.units import counted
 
@@ -110,7 +110,7 @@ def compile(
     compilation = within_limits(
         lambda: compile_sources(texts, options),
         sources[0],
-        WorkLimits(work.timeout, work.memory_mb, elapsed_s=PATIENCE * work.timeout),
+        WorkLimits.patient(work.timeout, work.memory_mb),
         "--timeout and --memory-mb allow more",
     )
     target = output or sources[0].with_suffix(".hex")

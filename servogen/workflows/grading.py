@@ -45,7 +45,7 @@ from servogen.grade import (
 )
 from servogen.grade.film import Film, FilmSource, film_of, lines_around
 from servogen.grade.watch import Watched, watch
-from servogen.isolation import COMPILING, PATIENCE, LimitExceeded, Resource, WorkLimits, can_fork, run_each
+from servogen.isolation import COMPILING, LimitExceeded, Resource, WorkLimits, can_fork, run_each
 from servogen.pic.device import PROGRAM_WORDS
 from servogen.pic.image import Image
 from servogen.pic.listing import Listing
@@ -62,7 +62,7 @@ from servogen.workflows.power_ups import (
     powered_again,
 )
 
-RUNNING = WorkLimits(seconds=120.0)
+RUNNING = WorkLimits.patient(120.0, COMPILING.memory_mb)
 """The limits for running and judging one program, which usually takes a second."""
 
 STARTING_S = 60
@@ -164,13 +164,8 @@ class GradingTask:
     @classmethod
     def of(cls, lab: Lab, read: Read, seconds: float, memory_mb: int) -> GradingTask:
         """Return the task in which running and compiling may each take `seconds` of processor time."""
-        compiling_s = min(seconds, COMPILING.seconds)
-        return cls(
-            lab,
-            read,
-            WorkLimits(compiling_s, memory_mb, elapsed_s=PATIENCE * compiling_s),
-            WorkLimits(seconds, memory_mb, elapsed_s=PATIENCE * seconds),
-        )
+        compiling = WorkLimits.patient(min(seconds, COMPILING.seconds), memory_mb)
+        return cls(lab, read, compiling, WorkLimits.patient(seconds, memory_mb))
 
 
 def grade_submissions(
