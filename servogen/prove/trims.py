@@ -77,7 +77,7 @@ class TrimResult:
 
 @dataclass
 class _State:
-    """All chips at one address, with the independent bytes of the EEPROM in tables."""
+    """All chips at one address; what depends on the EEPROM is in tables (docs/proof.md, "Any trim")."""
 
     ram: Ram
     rest: Rest

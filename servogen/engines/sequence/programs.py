@@ -67,7 +67,7 @@ class TableDelay:
 
 @dataclass(frozen=True, slots=True)
 class Edge:
-    """A port write: `value` goes to port A or B; `channels` are the (channel, level) that it changes."""
+    """A port write: `value` goes to port A or B; `changes` lists each (channel, level) that it sets."""
 
     cycle: Cycles
     """Where it is in the frame; of an edge whose place the row tells, the end of the delay after it."""

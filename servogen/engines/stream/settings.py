@@ -19,7 +19,10 @@ MAX_UNITS = 255 - 32
 """The maximum units of a bit: a byte minus the longest time between two samples."""
 
 START_GAP, BIT_GAP = 114, 129
-"""The maximum cycles between two samples of the line: while searching for a start bit, and within a byte."""
+"""The usual maximum of cycles between two samples of the line: before a start bit, and within a byte.
+
+Beside a late pulse they can be further apart (docs/firmware.md).
+"""
 MASKED = 9
 """Cycles by which a write to the EEPROM can delay one sample of a byte (templates/stream/keep.asm)."""
 STAMP = 2
@@ -47,9 +50,9 @@ def bit_units(stream: Stream, clock: Clock) -> int:
         latest, end = _latest_sample(bit, BITS - 1, first), BITS * bit / (1 + BAUD_ERROR)
         raise InputError(
             "baud-rate",
-            f"{stream.baud} baud at {clock.hz} Hz: a bit is {float(bit):.1f} cycles; samples are up to "
-            f"{START_GAP} cycles apart before a start bit and {BIT_GAP} after it, so that the stop bit of a "
-            f"sender {float(100 * BAUD_ERROR):g} % off is sampled up to {latest} cycles after the byte "
+            f"{stream.baud} baud at {clock.hz} Hz: a bit is {float(bit):.1f} cycles; samples are usually "
+            f"up to {START_GAP} cycles apart before a start bit and {BIT_GAP} after it, so that the stop bit "
+            f"of a sender {float(100 * BAUD_ERROR):g} % off is sampled up to {latest} cycles after the byte "
             f"began, and ends after {float(end):.1f}",
             stream.place,
             _rates(clock),

@@ -116,7 +116,7 @@ def sender_assumptions(streamed: Streaming) -> tuple[str, ...]:
 def _listing(
     image: Image, listing: Listing | None, job: EngineJob, streamed: Streaming, tell: Tell
 ) -> Listing:
-    """Return a listing with the words of the image. Raises Undecided.
+    """Return a listing with the words of the image. Raises UndecidedPart.
 
     Without one, the names are those of the dialect whose program differs least from it.
     """
@@ -155,7 +155,7 @@ class LineTheorem:
     tell: Tell
 
     def prove(self) -> list[str]:
-        """Return what was found. Raises Undecided, Fails, InterruptChanged, NotFollowed, GivenUp."""
+        """Return what was found. Raises UndecidedPart, Fails, InterruptChanged, NotFollowed, GivenUp."""
         return [*self.widths(), *self._data(), *self.times(), *self.edges()]
 
     def widths(self) -> list[str]:
@@ -178,10 +178,16 @@ class LineTheorem:
         if self.lemmas.divided > travel // ROUND + 1:
             raise UndecidedPart("the division of a distance takes more turns than the distance has rounds")
         if bound.masked > MASKED:
-            raise UndecidedPart(f"the C masks interrupts for {bound.masked} cycles, not for {MASKED} at most")
+            raise UndecidedPart(
+                f"the C masks interrupts for up to {bound.masked} cycles; the limit is {MASKED}"
+            )
         worst = bound.after_command
-        if worst is None or bound.supply is None or bound.execute is None or worst > bound.supply:
-            raise UndecidedPart(f"the C may be late for a pulse: it takes {worst} of {bound.supply} cycles")
+        if worst is None or bound.supply is None or bound.execute is None:
+            raise UndecidedPart("the C may be late for a pulse: no bound below the time between two is known")
+        if worst > bound.supply:
+            raise UndecidedPart(
+                f"the C may be late for a pulse: it takes up to {worst} cycles, and has {bound.supply}"
+            )
         self.check_command_in_time(bound, worst, BYTES * byte, travel)
         clock = streamed.plan.schedule.clock
         written = self.job.device.max_eeprom_write_us
