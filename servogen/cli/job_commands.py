@@ -45,7 +45,7 @@ def new(
         robot = typer.prompt(f"robot ({', '.join(KINDS)})", default=KINDS[0])
     robot = robot or KINDS[0]
     if servo is None:
-        servo = usual_servo(kind_of(robot) if robot.endswith(".toml") else robot)
+        servo = usual_servo(kind_of(robot))
         servo = typer.prompt("servo (a model, or a servo file)", default=servo) if asks else servo
     with status(f"{file}: planning"):
         text = starter(robot, servo, file)

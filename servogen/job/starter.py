@@ -71,9 +71,13 @@ def usual_servo(kind: str) -> str:
     return next(MODEL.finditer(template(kind)))[1]
 
 
-def kind_of(file: str) -> str:
-    """Return the kind whose job turns the joints of the legged robot in a file. Raises InputError."""
-    own, legs = robot(file), []
+def kind_of(name: str) -> str:
+    """Return a kind in any case of letters, or the one whose job turns the joints of the legged robot in the
+    file of that name. Raises InputError.
+    """
+    if not name.endswith(servo_models.FILE_ENDING):
+        return name.lower()
+    own, legs = robot(name), []
     for kind in KINDS:
         named = EXAMPLE.search(template(kind))
         example = robot(named[2]) if named and kind.startswith(LEGGED) else None
@@ -83,7 +87,7 @@ def kind_of(file: str) -> str:
             legs.append(f"{kind}: {' '.join(limb.name for limb in example.limbs)}")
     raise InputError(
         "unknown-name",
-        f"there is no job to start from for the joints of '{file}'",
+        f"there is no job to start from for the joints of '{name}'",
         hint=f"those of legs that the robot's file names, left and right, as {'; '.join(legs)}",
     )
 
@@ -101,7 +105,7 @@ def starter(kind: str, servo: str, file: Path) -> str:
     there is no such kind or servo, or the servo does not fit.
     """
     own = kind if kind.endswith(servo_models.FILE_ENDING) else None
-    kind = kind.lower() if own is None else kind_of(own)
+    kind = kind_of(kind)
     text = template(kind)
     if own is not None:
         named = f"[robot]\nname = {_beside(own, file)}"

@@ -70,6 +70,11 @@ def test_check_accepts_every_robot_without_a_warning(run: Run, kind: str) -> Non
     assert (ran.code, ran.err) == (0, "")
 
 
+@pytest.mark.parametrize("servo", [(), ("--servo", "sg90")])
+def test_a_kind_may_be_written_in_capitals(run: Run, servo: tuple[str, ...]) -> None:
+    assert run("new", "my.toml", "--robot", "Servo", *servo).code == 0
+
+
 def test_a_robot_file_whose_legs_have_other_names_is_told_those_of_the_templates(run: Run) -> None:
     """docs/your-robot.md has one with their names."""
     legs = "".join(f'[[mount]]\nname = "{name}"\nx_mm = 9\ny_mm = 9\n' for name in ("FL", "FR"))
