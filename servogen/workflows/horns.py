@@ -152,7 +152,7 @@ def edits(job: Job, horns: tuple[Horn, ...]) -> dict[Key, float]:
 def rewritten(text: str, values: Mapping[Key, float]) -> str:
     """Return a job's text with other values, its comments and its layout kept."""
     for (*table, name), value in values.items():
-        text = set_in_table(text, tuple(table), str(name), f"{value:g}")
+        text = set_in_table(text, tuple(table), str(name), f"{value:.10g}")
     return text
 
 

@@ -11,7 +11,7 @@ import pytest
 from servogen.errors import ServogenError
 from servogen.job import load, loads, plan_job
 from servogen.job.starter import starter
-from servogen.workflows.horns import centred, edits, horns_of
+from servogen.workflows.horns import centred, edits, horns_of, rewritten
 from tests.cli.conftest import Run
 
 ARM = """\
@@ -123,6 +123,14 @@ def test_a_horn_goes_on_in_the_steps_of_its_own_spline(file: Path) -> None:
     assert (
         "base needs zero_deg" in (refused.value.first.hint or "")
         and "of 8 is at 80" in refused.value.first.hint
+    )
+
+
+def test_the_file_gets_the_zero_that_was_planned() -> None:
+    """To the tenth of a thousandth of a degree, also above 100°: 90° and a tooth of 21."""
+    planned = round(90 + 360 / 21, 4)
+    assert (
+        tomllib.loads(rewritten(JOB, {("servo", 0, "zero_deg"): planned}))["servo"][0]["zero_deg"] == planned
     )
 
 
