@@ -24,16 +24,13 @@ LAB = load_lab("lab8-exercise")
 NAMES = st.text("aAbB.-+%~ /_\u00e9e\u0301\udcff\x1b\n", min_size=1, max_size=8)
 """Few letters, so that names are often alike."""
 
-UNHURRIED = settings(max_examples=30)
-"""The machine may have more to do."""
-
 
 def folded(name: str) -> str:
     """As a file system that ignores case takes it."""
     return name.casefold()
 
 
-@UNHURRIED
+@settings(max_examples=30)
 @given(st.lists(NAMES, unique=True, max_size=8))
 @example(["a-b/c.c", "a/b-c.c", "a/b/c.c", "a-b-c.c", "a+b/c.c", "a%2Bb/c.c"])
 @example(["Main.c", "main.c", "MAIN.c"])
@@ -84,7 +81,7 @@ def test_a_link_in_the_folder_of_the_pages_is_not_written_through(run: Run, tmp_
     assert (tmp_path / "class" / "ana.c.md").read_text().startswith("# ana.c: not passed")
 
 
-@UNHURRIED
+@settings(max_examples=30)
 @given(st.text())
 @example("<script>alert(1)</script>")
 @example("[x](javascript:alert(1))")
@@ -140,7 +137,7 @@ def test_what_moves_the_cursor_is_written_out() -> None:
     assert visible("a\x1b[2Jb\u202ec\r\ud83d\udcff\td\n") == "a\\x1b[2Jb\\u202ec\\x0d\\ud83d\\xff\td\n"
 
 
-@UNHURRIED
+@settings(max_examples=30)
 @given(st.lists(NAMES, unique=True, max_size=8))
 @example(["\udcff", "\\xff"])
 @example(["a\n", "a\\x0a"])
