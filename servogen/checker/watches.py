@@ -233,7 +233,8 @@ def read_watches(text: str, cycles_per_second: Fraction, inputs: int) -> list[Cl
 
     Raises Uncovered, or what a text that is no contract leads to.
     """
-    tables = tomllib.loads(text, parse_float=Fraction)
+    # By way of `float`, whose exponents are bounded: the whole number 10 ** -exponent may fill the memory.
+    tables = tomllib.loads(text, parse_float=lambda number: Fraction(repr(float(number))))
     tables.pop("clock_hz", None)
     reader = _Reader(cycles_per_second / 1_000_000, inputs)
     kinds: dict[str, Callable[..., Iterator[ClauseWatch]]]

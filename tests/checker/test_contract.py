@@ -124,6 +124,12 @@ def test_what_it_does_not_cover_is_said(program: str, contract: str, what: str) 
         check_contract(image(program.format(delay="", turns=10)), contract, CLOCK, Hints({}, 1 << 5))
 
 
+def test_a_number_too_small_to_count_is_read_at_once() -> None:
+    """A whole number with as many digits as the exponent says would fill the memory."""
+    contract = FIRST.format("1e-999999999", 4)
+    assert check_contract(image(WAVE.format(turns=10)), contract, CLOCK, Hints({}, 0)).states
+
+
 def test_a_fault_that_no_plain_run_shows_is_refused_with_the_hints_of_the_right_program() -> None:
     every = short_subjects()
     right = {each.name: each.proof(each.image) for each in every}
