@@ -21,7 +21,15 @@ import numpy as np
 
 from servogen.checker import chip, layout
 from servogen.checker.certificate import RAM
-from servogen.checker.check import OUTSIDE, Checked, NotCovered, Refused, unfit_clock, watchdog_cycles
+from servogen.checker.check import (
+    MAX_CYCLES,
+    OUTSIDE,
+    Checked,
+    NotCovered,
+    Refused,
+    unfit_clock,
+    watchdog_cycles,
+)
 from servogen.checker.plan import PINS
 from servogen.checker.watches import ClauseBroken, ClauseWatch, Numbers, Uncovered, read_watches
 from servogen.pic.image import Image
@@ -84,8 +92,8 @@ class ContractChecker:
             where = f"{watch.text}: at address 0x{int(s[layout.PC]):03X}"
             if driven & self._hints.inputs:
                 raise NotCovered(f"{_names(driven & self._hints.inputs)} is driven", where)
-            if self.stops > MAX_STOPS:
-                raise NotCovered("more states than are allowed", where)
+            if self.stops > MAX_STOPS or self.cycles > MAX_CYCLES:
+                raise NotCovered("more states, or cycles, than are allowed", where)
             try:
                 if s[layout.EDGE] != levels:
                     state = watch.change(watch.wait(state, at - begun), levels, int(s[layout.EDGE]))

@@ -130,6 +130,13 @@ def test_a_number_too_small_to_count_is_read_at_once() -> None:
     assert check_contract(image(WAVE.format(turns=10)), contract, CLOCK, Hints({}, 0)).states
 
 
+def test_more_cycles_than_are_allowed_end_the_check(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("servogen.checker.contract.MAX_CYCLES", 300)
+    program = image(WAVE.format(turns=10))
+    with pytest.raises(NotCovered, match="more states, or cycles, than are allowed"):
+        check_contract(program, PULSE, CLOCK, Hints({}, 0))
+
+
 def test_a_fault_that_no_plain_run_shows_is_refused_with_the_hints_of_the_right_program() -> None:
     every = short_subjects()
     right = {each.name: each.proof(each.image) for each in every}
