@@ -745,7 +745,10 @@ class WatchSession:
         job = self.subject.job
         commands = job.commands if job else None
         if job is None or not isinstance(commands, CommandLine):
-            raise InputError("not-allowed", "only a job with commands on a line accepts directions")
+            raise InputError(
+                "not-allowed",
+                "only a job with [walk] commands or [motion.commands] on a line takes directions",
+            )
         commanded, ways = str(message["way"]), (*(direction.name for direction in job.directions), STOP)
         if commanded not in ways:
             raise InputError("not-allowed", f"'{commanded[:40]}' is not a direction", hint=", ".join(ways))

@@ -228,7 +228,10 @@ def test_wrong_requests_are_answered_and_change_nothing() -> None:
         ),
         ({"do": "pin", "pin": "RA0", "level": 3}, "level 3 is neither 0, 1 nor 2 (let go)"),
         ({"do": "servo", "servo": 0, "position": 1}, "only a job with [stream] takes positions"),
-        ({"do": "walk", "way": "ahead"}, "only a job with commands on a line accepts directions"),
+        (
+            {"do": "walk", "way": "ahead"},
+            "only a job with [walk] commands or [motion.commands] on a line takes directions",
+        ),
     ):
         found = answer(of, **request)
         assert found["is"] == "problem"
