@@ -318,7 +318,7 @@ class _ContractProver:
             f"a high level of at most {GLITCH} cycles while a pin becomes an output counts as low",
         ]
         sampled = {pin for spec in self._specs for pin in spec.sampled if self._inputs >> pin & 1}
-        until = "until it was read, other than to write its port"
+        until = "until it was read, other than to write its port; the level of the first read is no cause"
         said += [f"{PINS[pin]} keeps each level {until}" for pin in sorted(sampled)]
         if self._driven:
             said.append(f"nothing but the program drives {pin_names(self._driven)}")

@@ -72,10 +72,8 @@ def test_a_latency_is_proven_to_the_cycle() -> None:
     program = image(ANSWER.format(delay=""))
     found = proof(program, answer(2, 6))
     assert found.proven, found.reason
-    assert any(
-        "RB0 keeps each level until it was read, other than to write its port" in each
-        for each in found.assumptions
-    )
+    read = "until it was read, other than to write its port; the level of the first read is no cause"
+    assert f"RB0 keeps each level {read}" in found.assumptions
     assert "nothing but the program drives RB4" in found.assumptions
 
 
@@ -89,6 +87,19 @@ def test_one_cycle_beside_it_is_a_run_that_can_be_repeated(least: int, most: int
     found = proof(program, answer(least, most), Quantifiers(resets=False))
     assert not found.proven
     assert replayed(program, answer(least, most), found).startswith("violated")
+
+
+def test_the_level_of_the_first_read_is_no_cause_and_it_is_said() -> None:
+    """A run whose input is high from power-up on breaks the clause for the judge, who sees it rise."""
+    begins_low = ANSWER.replace("poll ", "        goto    held\npoll ", 1).format(delay="")
+    program = image(begins_low.replace("btfsc", "btf").replace("btfss", "btfsc").replace("btf ", "btfss "))
+    contract = answer(2, 6).replace("falls", "rises")
+    found = proof(program, contract)
+    assert found.proven and any("the first read is no cause" in each for each in found.assumptions)
+    high = Stimuli([Levels(PINS.index("RB0"), [(0, 1)])])
+    trace = pin_trace(program, CLOCK, Cycles(100), SimulatorOptions(), high)
+    clauses = parse_contract(contract, "c.toml").clauses(CLOCK)
+    assert judge_contract(clauses, trace, from_reset=True).violated
 
 
 UNASKED = """
