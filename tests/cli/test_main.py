@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import gc
 import importlib
 import io
 import json
@@ -171,6 +172,25 @@ def test_letters_that_a_locale_lacks_are_question_marks(monkeypatch: pytest.Monk
     with pytest.raises(SystemExit) as ended:
         main.main()
     assert (ended.value.code, raw.getvalue()) == (0, b"1 ?s\n")
+
+
+def test_garbage_is_collected_while_a_command_works_and_after_it(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Only its import does without; a list of commands and a wrong one import none."""
+    from servogen.kinematics import queries
+
+    seen: list[bool] = []
+
+    def robot_list() -> list[Any]:
+        seen.append(gc.isenabled())
+        return []
+
+    monkeypatch.setattr(queries, "robot_list", robot_list)
+    for words in (("robots",), ("--help",), ("gaits",), ("robots", "--nothing")):
+        run(*words)
+        assert gc.isenabled(), words
+    assert seen == [True]
 
 
 def test_warnings_of_an_earlier_command_are_forgotten(run: Run, ends: Callable[[Any], None]) -> None:
