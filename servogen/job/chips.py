@@ -105,7 +105,7 @@ def _restart(
             raise document.error(
                 "chip-pair",
                 ("chip", 0, key),
-                f"the first chip does not restart or follow the second one: {key} is of that",
+                f"the first chip does not restart or follow the second one: {key} is a key of the second",
                 f"write {key} in the second [[chip]]",
             )
     where = ("chip", 1, "restart")

@@ -159,7 +159,7 @@ def test_a_built_pair_says_that_each_chip_has_its_crystal(built: tuple[Path, str
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        (OWN.replace('wire = "RB0"', 'wire = "RB0"\ncrystal_ppm = 50'), "crystal_ppm is of that"),
+        (OWN.replace('wire = "RB0"', 'wire = "RB0"\ncrystal_ppm = 50'), "crystal_ppm is a key of the second"),
         (OWN.replace("= 100", "= 0"), "crystal_ppm"),
         (OWN.replace("= 100", "= 1001"), "crystal_ppm"),
         (OWN.replace("= 100", '= "own"'), "crystal_ppm"),
