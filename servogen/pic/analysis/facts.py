@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from servogen.errors import InputError, did_you_mean
+from servogen.inputs import count_in
 from servogen.pic.analysis.paths import Paths, PinWrite, explore, pin_text, place_text
 from servogen.pic.analysis.times import CycleSpan, ProgramTimes
 from servogen.pic.device import CONFIG_WATCHDOG_ON, PROGRAM_WORDS, STACK_LEVELS, WATCHDOG_US, masks
@@ -371,9 +372,10 @@ class Facts:
         labels |= {function.start for function in listing.functions if function.name == text}
         if labels:
             return sorted(labels)
-        file, _, number = text.rpartition(":")
-        if number.isdecimal():
-            lines = self._line_starts(file, int(number))
+        file, _, digits = text.rpartition(":")
+        number = count_in(digits)
+        if number is not None:
+            lines = self._line_starts(file, number)
             if lines:
                 return lines
             raise InputError("unknown-name", f"line {text} has no words")

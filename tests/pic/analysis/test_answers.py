@@ -231,6 +231,7 @@ def test_marks_that_are_not_there_are_named() -> None:
         ("0xZZ", "'0xZZ' is not an address from 0x000 to 0x3FF"),
         ("99", "line 99 has no words"),
         ("nothere.c:6", "line nothere.c:6 has no words"),
+        ("9" * 5000, f"'{'9' * 5000}' is not a label, a line or an address"),
     ):
         with pytest.raises(InputError) as caught:
             found.mark(text)
