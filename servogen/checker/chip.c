@@ -265,6 +265,8 @@ static i64 sleep(i64 *s, const Board *board)
     i64 set = certain(s), wakers = INTF | RBIF | (s[EECON1] & WR ? WRITE_OVER : 0);
     i64 ways = doubtful(s) << IS_NOP | (enabled(s) & wakers) | (board->watchdog ? NOTHING : 0) | ENDLESS;
     i64 way = choose(s, set ? (set & -set) << IS_NOP : ways), flag = way & EVERY_FLAG;
+    if (s[DARK] && !set)
+        return DARK_PIN; /* it may stay so for any time */
     if (!way)
         return SLEEPS;
     if (way != NOTHING)

@@ -102,6 +102,15 @@ AGAIN = """
         goto    $
 """
 """RB1 becomes an output for the second time with the level that BSF has read, whatever it was."""
+ASLEEP = """
+        bsf     STATUS, RP0
+        bcf     TRISB, 1
+        bcf     STATUS, RP0
+        sleep
+        bcf     PORTB, 1
+        goto    $
+"""
+"""RB1 is an output whose level is not known for two cycles, and for any number of them in SLEEP."""
 HIGH_TOGETHER = '[[never]]\ncondition = "RB1 high and RB3 high"\n'
 
 
@@ -110,13 +119,23 @@ HIGH_TOGETHER = '[[never]]\ncondition = "RB1 high and RB3 high"\n'
     [
         (DRIVES, answer(2, 6), "RB0 is driven"),
         (AGAIN, HIGH_TOGETHER, "a pin whose level is unknown"),
+        (ASLEEP, HIGH_TOGETHER.replace(" and RB3 high", ""), "a pin whose level is unknown"),
         (WAVE, '[[count]]\nevent = "RB3 rises"\ntimes = [0, 9]\nwindow_us = 1000\n', "[[count]]"),
         (WAVE, PULSE + "duty_percent = [5, 15]\n", "duty_percent"),
         (WAVE, PULSE + "another_us = [5, 15]\n", "what it cannot read"),
         (WAVE, PULSE.replace("RB3", "RA4"), "RA4"),
         (WAVE, NEVER.replace(" and", "\tand").replace("RB2", "RB0"), "a clause about an input"),
     ],
-    ids=["an input is driven", "a latch is lost", "count", "duty", "unknown key", "open drain", "input"],
+    ids=[
+        "an input is driven",
+        "a latch is lost",
+        "a latch asleep",
+        "count",
+        "duty",
+        "unknown key",
+        "open drain",
+        "input",
+    ],
 )
 def test_what_it_does_not_cover_is_said(program: str, contract: str, what: str) -> None:
     """An input that is an output for two cycles only, too."""
