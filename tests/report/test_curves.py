@@ -169,8 +169,8 @@ def test_a_calibration_is_drawn_in_degrees_and_microseconds(caught: Caught, tmp_
     line, before, read = above.lines
     assert curve(read) == (pytest.approx([0, 90.6, 180]), pytest.approx([1000, 1450, 1900]))
     x, y = curve(line)
-    assert x == pytest.approx([0, 180])
-    assert y == pytest.approx([1000 - 0.2 * 5, 1900 - 0.2 * 5])
+    assert x == pytest.approx([0.2, 180.2]), "between the shortest and the longest width that was read"
+    assert y == pytest.approx([1000, 1900])
     x, y = curve(before)  # the catalogue's servo: 1 ms at 0°, 0.5 ms more at 90°
     assert y == pytest.approx([1000, 1900])
     assert x == pytest.approx([0, 162])
