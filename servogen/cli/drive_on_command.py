@@ -1,4 +1,4 @@
-"""The drive of a robot that walks on command, by keys, buttons or codes."""
+"""The drive of a robot that walks, or plays segments of its motion, on command: by keys, buttons or codes."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ import typer
 from servogen import INTERRUPTED
 from servogen.cli.drive_line import WALK_KEYS_HELP, WireOptions, command_source, was_interrupted
 from servogen.cli.show import as_json, json_line
-from servogen.drive.commands import WALK_KEYS
+from servogen.drive.commands import WALK_KEYS, Keys, segment_keys
 from servogen.drive.on_command import CommandedDrive, CommandedFrame, Twin, line_baud
 from servogen.drive.serial_link import SerialLink, Time, VirtualTime, port_opener
-from servogen.engines.inputs.commands import CommandLine
+from servogen.engines.inputs.commands import CommandButton, CommandLine
 from servogen.errors import InputError, Location
 from servogen.job import PlannedJob
 
 
 def drive_on_command(job: PlannedJob, wire: WireOptions, seconds: float | None, json: bool) -> None:
-    """Steer a walk on command: the chip at the wire's port, or a simulated one."""
+    """Steer a robot on command: the chip at the wire's port, or a simulated one."""
     if wire.port is not None and not isinstance(job.commands, CommandLine):
         raise InputError(
             "conflicting-options",
@@ -41,7 +41,7 @@ def drive_on_command(job: PlannedJob, wire: WireOptions, seconds: float | None, 
             where = f"{port}, {rate} baud" if link else "a simulated chip"
             widths = ", ".join(servo.name for servo in job.servos)
             print(f"{job.name}: {where}; widths of {widths}", flush=True)
-        source = stack.enter_context(command_source(True, wire.dry_run, WALK_KEYS, WALK_KEYS_HELP))
+        source = stack.enter_context(command_source(True, wire.dry_run, *_keys(job)))
         twin = Twin(job)
         drive = CommandedDrive(
             twin=twin, source=source, time=time, tell=_told(single, json), link=link, single_keys=single
@@ -55,6 +55,15 @@ def drive_on_command(job: PlannedJob, wire: WireOptions, seconds: float | None, 
         print(f"{twin.seconds:.2f} s, {drive.sent} commands")
     if interrupted:
         raise typer.Exit(INTERRUPTED)
+
+
+def _keys(job: PlannedJob) -> tuple[Keys, str]:
+    """Return the keys of the directions or segments, and what to say of them."""
+    names = [direction.name for direction in job.directions]
+    if isinstance(job.commands, CommandButton) or all(name in WALK_KEYS for name in names):
+        return WALK_KEYS, WALK_KEYS_HELP
+    digits = ", ".join(f"{number} {name}" for number, name in enumerate(names, 1))
+    return segment_keys(names), f"{digits}, space stops, q ends"
 
 
 def _told(single: bool, json: bool) -> Callable[[CommandedFrame], None]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import select
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -54,6 +54,12 @@ WALK_KEYS: Keys = {
     QUIT: (b"q", *KEYS[QUIT]),
 }
 """The keys of a walk on command."""
+
+
+def segment_keys(names: Sequence[str]) -> Keys:
+    """Return the keys of a motion whose segments are commanded: digits, in the order of the segments."""
+    digits = {name: KEYS[str(number)] for number, name in enumerate(names, 1)}
+    return {**digits, STOP: KEYS[STOP], QUIT: WALK_KEYS[QUIT]}
 
 
 class CommandSource(Protocol):

@@ -31,6 +31,7 @@ from servogen.job.job import FirmwareSettings, Job
 from servogen.job.rig import rig_of
 from servogen.job.schema import (
     MAX_ERROR_US,
+    NOT_SEGMENTS,
     SECTIONS,
     CommandsTable,
     DirectionPins,
@@ -249,12 +250,16 @@ def _direction_pins(document: Document, asked: CommandsTable) -> dict[str, str]:
 
 
 def _check_names(document: Document, asked: MotionCommandsTable) -> None:
-    """Raise InputError for two segments of one name."""
+    """Raise InputError for two segments of one name, and for one that means something else."""
     names = [row.name for row in asked.segments]
     for index, name in enumerate(names):
+        key = ("motion", "commands", "segments", index, "name")
         if name in names[:index]:
-            key = ("motion", "commands", "segments", index, "name")
-            raise document.error("conflicting-keys", key, f"two segments have the name {name}")
+            raise document.error("conflicting-keys", key, f"two segments have the name {name}", "rename one")
+        if name in NOT_SEGMENTS:
+            raise document.error(
+                "not-allowed", key, f"{name} is a word of `servogen drive`", "give the segment another name"
+            )
 
 
 def _chosen_pins(document: Document, asked: MotionCommandsTable) -> dict[str, str]:

@@ -135,6 +135,10 @@ class PoseTable(Table):
     release: bool = False
 
 
+NOT_SEGMENTS = ("stop", "quit", "wait", "next", "stance", "lead-in")
+"""Names that no segment has, because `servogen drive` takes or shows them as something else."""
+
+
 class ChosenSegmentTable(Table):
     """A segment of [motion] commands: the frames of the motion between two times."""
 

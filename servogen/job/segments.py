@@ -34,6 +34,13 @@ def chosen(
             "a motion whose segments are commanded has no end",
             "remove it, or commands",
         )
+    if not document.data["motion"].get("repeat", True):
+        raise document.error(
+            "conflicting-keys",
+            ("motion", "repeat"),
+            "a motion whose segments are commanded waits for commands without end",
+            "remove it: each segment has a repeat of its own",
+        )
     motion = planned.trajectory
     rest = replace(motion, angles=motion.angles[:1], loop_start=0)
     return replace(planned, trajectory=rest, parts=()), tuple(_segments(document, table, planned))

@@ -23,14 +23,15 @@ from servogen.bench.virtual.rig import RigOptions
 from servogen.cli.drive_line import WireOptions
 from servogen.cli.drive_on_command import drive_on_command
 from servogen.drive import on_command
-from servogen.drive.commands import script
-from servogen.drive.on_command import CommandedDrive, CommandedFrame, Twin
+from servogen.drive.commands import NEXT, QUIT, STOP, WAIT, commands_of_keys, script, segment_keys
+from servogen.drive.on_command import LEAD_IN, STANCE, CommandedDrive, CommandedFrame, Twin
 from servogen.drive.serial_link import VirtualTime
 from servogen.edges import PINS
 from servogen.engines.inputs.buttons import ButtonPin
 from servogen.engines.inputs.commands import CommandButton, CommandButtons, Commander, CommandLine, uart_byte
 from servogen.engines.player.script import DirectionPlaces
 from servogen.errors import InputError
+from servogen.job.schema import NOT_SEGMENTS
 from servogen.pic.device import RAM_FIRST
 from servogen.pulse.schedule import from_json
 from servogen.units import Clock, Cycles
@@ -187,6 +188,12 @@ def test_bad_input_is_a_plain_error(
         monkeypatch.setattr("sys.stdin", pipe)
         ran = run("drive", JOB, *options)
     assert (ran.code, message in ran.err) == (2, True), ran.err
+
+
+def test_digits_choose_segments_and_no_segment_has_a_word_of_the_drive() -> None:
+    keys = segment_keys(["wave", "bow"])
+    assert commands_of_keys(b"2w1 3q", keys) == ["bow", "wave", STOP, QUIT]
+    assert {*NOT_SEGMENTS} == {STOP, QUIT, WAIT, NEXT, STANCE, LEAD_IN}
 
 
 @contextmanager

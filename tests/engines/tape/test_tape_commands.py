@@ -197,6 +197,8 @@ def test_the_wiring_names_the_buttons() -> None:
         (', bow = "RB7"', "", "bow has no button"),
         (', bow = "RB7"', ', bw = "RB7"', "no segment is named 'bw'"),
         ('name = "bow"', 'name = "wave"', "two segments have the name wave"),
+        ('name = "bow"', 'name = "stop"', "stop is a word of `servogen drive`"),
+        ("repeat = true\nposes", "repeat = false\nposes", "waits for commands without end"),
         ("to_s = 0.08", "to_s = 9", "bow ends at 9 s"),
         ("to_s = 0.08", "to_s = 0.02", "bow ends at 0.02 s"),
         ("repeat = true\nposes", 'repeat = false\nend = "hold"\nposes', "has no end"),
