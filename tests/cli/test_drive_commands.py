@@ -253,7 +253,7 @@ def walking(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
 def walk_job(commands: Any = None) -> Any:
     servos = [SimpleNamespace(name="a"), SimpleNamespace(name="b")]
-    return SimpleNamespace(name="six", servos=servos, commands=commands, file="six.toml")
+    return SimpleNamespace(name="six", servos=servos, commands=commands, directions=(), file="six.toml")
 
 
 def terminal(monkeypatch: pytest.MonkeyPatch, is_one: bool) -> None:
