@@ -56,7 +56,9 @@ class CommandLine:
     kind: ClassVar[str] = COMMANDS
 
     pin: str
-    codes: Mapping[str, str] = field(default_factory=lambda: CODES)
+    codes: Mapping[str, str] = field(
+        default_factory=lambda: {**CODES}
+    )  # a copy: builds pass between processes
     """Those of the directions, or of the segments, by name."""
 
     @property

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import pickle
 import re
 from itertools import product
 
 import pytest
 
-from servogen.engines.inputs.commands import CODES, COMMAND_SHIFT, hearing_table, uart_byte
+from servogen.engines.inputs.commands import CODES, COMMAND_SHIFT, CommandLine, hearing_table, uart_byte
 from servogen.prove.commands import SerialCodes
 from servogen.pulse.schedule import CodeLine, Input
 
@@ -116,3 +117,7 @@ def test_a_uart_sends_the_code() -> None:
         "FB",
         "00",
     ]
+
+
+def test_a_line_passes_between_processes_as_a_build_of_demo_does() -> None:
+    assert pickle.loads(pickle.dumps(CommandLine("RB0"))) == CommandLine("RB0")
