@@ -414,6 +414,8 @@ def _wire(data: dict[str, Any], edges: list[tuple[Ints, Ints]], period: int) -> 
     if not all(2 < cycle < look for cycles, _ in edges for cycle in cycles[1:]):
         raise ValueError("the wire is looked at between the pulses of two frames")
     frames, quiet = _number(data["frames"], 1, 99), _number(data["quiet_cycles"], 1)
+    if ppm and frames != 1:
+        raise ValueError("with a crystal each the first frame is that of the wire's rise 1")
     restart, pulled = 0, 0
     if "restart" in data:
         restart, pulled = 1 << PINS.index(data["restart"]), _number(data["restart_cycles"], 1)

@@ -86,6 +86,8 @@ class WireReads:
             return self._joins(memory, level, time)
         if time > self.period + (self.quiet if kind == QUIET else 0):
             raise ValueError("the wire is not looked at for a frame")
+        if kind in (QUIET, READY) and time - memory[3] > self.period // 60:
+            raise ValueError("the quiet wire is looked at too seldom")
         if kind == READY and level and self.early and time > 4:
             raise ValueError("the first rise is awaited too seldom")
         if kind == READY:
@@ -93,7 +95,7 @@ class WireReads:
         if kind == QUIET and time >= self.quiet:
             return self._from(JOINING if level else READY)
         if kind == QUIET and not level:
-            return WireStep(memory)
+            return WireStep((*memory[:3], time, *memory[4:]))
         return self._from(HIGH if level else QUIET)
 
     def _from(self, kind: int, least: int = 1, most: int = 0) -> WireStep:

@@ -44,7 +44,9 @@ class WireView(NamedTuple):
     most: int = NONE[1]
     """While joining: by how many cycles, at least and at most, the rise was seen late."""
     last: int = 0
-    """While joining: the time of the latest read; before the first read: since when `restart` is pulled."""
+    """While joining, or quiet: the time of the latest read; before the first read: since when `restart` is
+    pulled.
+    """
     seen: int = 0
     """The reads in cycles on end up to the latest one, those of a look at most; before the first read: the
     edges of `restart`.

@@ -63,7 +63,7 @@ class FollowedWire(Specification):
         super().__init__(schedule, None)
         self._wire = rule
         self._pins[PINS.index(rule.pin)] = "wire"
-        self._early = rule.early(schedule.period)
+        self._early, self._seldom = rule.early(schedule.period), rule.seldom(schedule.period)
         self._look = self.period + self._first - rule.cycles - (self._early or 1)
         """The time in a frame of the first read of the look at the next frame's rise."""
 
@@ -111,6 +111,8 @@ class FollowedWire(Specification):
         if view.kind == JOINING:
             look = self.period - self._early
             return self._awaited(state, look, level) if self._early else self._joining(state, level)
+        if view.kind in (QUIET, READY) and state.time - view.last > self._seldom:
+            raise Violation("the quiet wire is looked at too seldom", 0, certain=False)
         if view.kind == READY and level:
             if self._early and state.time > FIRST_CYCLES:
                 raise Violation("the first rise is awaited too seldom", 0, certain=False)
@@ -118,7 +120,7 @@ class FollowedWire(Specification):
         if view.kind == QUIET and state.time >= self._wire.quiet:
             return self._silent(state, WireView(JOINING if level else READY))
         if view.kind == QUIET and not level:
-            return state
+            return state._replace(wire=view._replace(last=state.time))
         return self._silent(state, WireView(HIGH if level else READY if view.kind == READY else QUIET))
 
     @staticmethod
@@ -141,6 +143,8 @@ class FollowedWire(Specification):
         if state.time != look + POLL_CYCLES * seen:
             return state
         if level and seen:
+            if state.phase != IN_FRAME and self._wire.frames != 1:
+                raise Violation("the first frame is that of the wire's rise 1", 0, certain=False)
             frame = self._following(state.frame) if state.phase == IN_FRAME else self._first_frame
             return SpecState(IN_FRAME, self._first - self._wire.cycles, frame, wire=WireView(PLAYING))
         if level or seen == self._early:

@@ -255,6 +255,10 @@ class WireRule:
         """Return by how much the looks for a rise begin before a frame has passed; 0 with one crystal."""
         return awaited_early(period, self.crystal_ppm)
 
+    def seldom(self, period: Cycles) -> Cycles:
+        """Return the most cycles from one look at a quiet wire to the next: no pulse may be missed."""
+        return Cycles(period // 60)
+
     def to_json(self) -> dict[str, object]:
         restart = {"restart": self.restart, "restart_cycles": self.pulled} if self.restart else {}
         crystal = {"crystal_ppm": self.crystal_ppm} if self.crystal_ppm else {}

@@ -169,7 +169,7 @@ def _misfits(first: PulseSchedule, second: PulseSchedule) -> Iterator[str]:
         yield "the chips have different clocks or frames"
     if first.buttons or first.commands or first.wire:
         yield "something steers chip1, of which chip2 knows nothing"
-    if rule.restart and second.clock.us(rule.pulled) < RESET_US:
+    if rule.restart and second.clock.us(rule.pulled) < RESET_US * (1 + drift(rule)):
         yield f"chip2 resets chip1 for {float(second.clock.us(rule.pulled)):g} us; {RESET_US} are needed"
     names = [channel.pin for channel in first.channels]
     runs = (*first.lead_in, *first.loop)
@@ -177,7 +177,9 @@ def _misfits(first: PulseSchedule, second: PulseSchedule) -> Iterator[str]:
     pulses = [pulse for pulse in wires if pulse is not None]
     if None in wires or len({pulse.rise for pulse in pulses}) != 1:
         yield f"{rule.source} of chip1 does not rise in the same cycle of every frame"
-    near = NEAR + 2 * rule.early(second.period)
+    if rule.quiet < second.period * (1 + drift(rule)):
+        yield f"chip2 takes a wire for quiet that is low for {rule.quiet} cycles, less than a frame"
+    near = max(NEAR + 2 * rule.early(second.period), ceil(rule.seldom(second.period) * (1 + drift(rule))))
     if any(not near <= pulse.width <= first.period - near for pulse in pulses):
         yield f"a pulse of {rule.source} of chip1, or the time between two, is shorter than {near} cycles"
     if first.lead_in_frames - second.lead_in_frames != rule.frames or first.loop_frames != second.loop_frames:

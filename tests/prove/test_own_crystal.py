@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from servogen.checker import Refused, check_certificate, read_certificate
+from servogen.errors import InputError
 from servogen.pic.image import Image
 from servogen.prove import Proof, certificate, prove_for_all
 from servogen.pulse import PulseSchedule
@@ -53,6 +54,11 @@ WRONG = {
     "the first rise is awaited too seldom": ("rise    btfss", "rise    goto $+1\n        btfss"),
     "pulses come without a rise": ("        goto wire\ntwo", "        nop\n        nop\ntwo"),
     "a frame counts as quiet": ("wire    movlw 64", "wire    movlw 50"),
+    "looks at a quiet wire may miss a pulse": (wait(11) + "\n        decfsz", wait(111) + "\n        decfsz"),
+    "an awaited rise may be missed": (
+        "rise    btfss",
+        "rise    nop\n" + wait(100) + "        btfss PORTA, 1\n        nop\n        btfss",
+    ),
 }
 
 
@@ -66,7 +72,15 @@ def test_a_program_that_looks_otherwise_is_accepted_by_neither_witness(right: Pr
         check_certificate(claim, image, TEXT, "schedule.json")
 
 
-@pytest.mark.parametrize("rule", [{"cycles": Cycles(11)}, {"crystal_ppm": 400}, {"quiet": Cycles(1024)}])
-def test_it_is_not_proven_for_another_rule(rule: dict[str, int]) -> None:
+OTHER_RULES = [{"cycles": Cycles(11)}, {"crystal_ppm": 400}, {"quiet": Cycles(1024)}, {"frames": 2}]
+
+
+@pytest.mark.parametrize("rule", OTHER_RULES)
+def test_neither_witness_accepts_it_for_another_rule(right: Proof, rule: dict[str, int]) -> None:
     assert SCHEDULE.wire is not None
-    assert not proven(own_second_chip(), replace(SCHEDULE, wire=replace(SCHEDULE.wire, **rule))).proven
+    other, image = replace(SCHEDULE, wire=replace(SCHEDULE.wire, **rule)), own_second_chip()
+    assert not proven(image, other).proven
+    text = other.json_text().encode()
+    claim = read_certificate(certificate(right, image, other, text), "it")
+    with pytest.raises((Refused, InputError)):
+        check_certificate(claim, image, text, "schedule.json")

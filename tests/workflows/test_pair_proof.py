@@ -85,7 +85,7 @@ SHORT = Run(1, (Pulse(Cycles(0), Cycles(7)),))
 MISFITS = {
     "a frame without the wire's pulse": (moved(FIRST, loop=(FIRST.loop[0], NO_PULSE)), SECOND, "same cycle"),
     "a pulse of the wire a cycle late": (moved(FIRST, loop=(FIRST.loop[0], LATE)), SECOND, "same cycle"),
-    "a pulse that is too short": (moved(FIRST, loop=(FIRST.loop[0], SHORT)), SECOND, "shorter than 8"),
+    "a pulse that is too short": (moved(FIRST, loop=(FIRST.loop[0], SHORT)), SECOND, "shorter than 16"),
     "another length of the motion": (moved(FIRST, loop=FIRST.loop[:1]), SECOND, "frames are not those"),
     "another place in the motion": (moved(FIRST, lead_in=()), SECOND, "frames are not those"),
     "another pin": (
@@ -119,6 +119,15 @@ def test_a_second_chip_that_resets_the_first_has_to_do_so_for_2_us() -> None:
     assert rule is not None
     short = replace(SECOND, wire=replace(rule, restart="RA4", pulled=Cycles(1)))
     assert "chip2 resets chip1 for 1 us; 2 are needed" in proof(second=short).misfits
+
+
+def test_a_second_chip_that_takes_part_of_a_frame_for_quiet_makes_no_pair() -> None:
+    """Reset alone it would begin in the midst of the motion: the wire is low for 870 of 1000 cycles."""
+    assert SECOND.wire is not None
+    second = replace(SECOND, wire=replace(SECOND.wire, quiet=Cycles(600)))
+    found = proof(second=second, images=(first_chip(), second_chip("movlw 64", "movlw 38")))
+    assert all(verdict.valid for verdict, _, _ in found.chips)
+    assert not found.proven and "low for 600 cycles, less than a frame" in found.summary()
 
 
 @pytest.mark.parametrize("chip", [0, 1])
