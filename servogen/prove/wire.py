@@ -34,7 +34,7 @@ from servogen.prove.specification import (
     WireView,
 )
 from servogen.pulse import PulseSchedule
-from servogen.pulse.schedule import FIRST_CYCLES, POLL_CYCLES, WireRule
+from servogen.pulse.schedule import FIRST_CYCLES, POLL_CYCLES, WireRule, seldom
 
 SILENT = 3
 """The phase of a specification's state in which the program awaits the wire, without pulses; its time counts
@@ -63,7 +63,7 @@ class FollowedWire(Specification):
         super().__init__(schedule, None)
         self._wire = rule
         self._pins[PINS.index(rule.pin)] = "wire"
-        self._early, self._seldom = rule.early(schedule.period), rule.seldom(schedule.period)
+        self._early, self._seldom = rule.early(schedule.period), seldom(schedule.period)
         self._look = self.period + self._first - rule.cycles - (self._early or 1)
         """The time in a frame of the first read of the look at the next frame's rise."""
 

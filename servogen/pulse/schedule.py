@@ -12,7 +12,9 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from fractions import Fraction
 from hashlib import sha256
+from math import ceil
 from types import MappingProxyType
 from typing import Any
 
@@ -217,6 +219,16 @@ MAX_PPM = 1000
 """The most by which crystals of their own may be off."""
 
 
+def drift(crystal_ppm: int) -> Fraction:
+    """Return by how much one of two crystals may be faster than the other, as a part of its frequency."""
+    return Fraction(2 * crystal_ppm, 1_000_000 - crystal_ppm)
+
+
+def seldom(period: Cycles) -> Cycles:
+    """Return the most cycles from one look at a quiet wire to the next: no pulse may be missed."""
+    return Cycles(period // 60)
+
+
 def awaited_early(period: Cycles, crystal_ppm: int) -> Cycles:
     """Return by how much the looks for a wire's rise begin before a frame has passed, and end after it, if
     both crystals may be off by `crystal_ppm`; an even number, 0 for one crystal. They begin before any rise,
@@ -224,8 +236,7 @@ def awaited_early(period: Cycles, crystal_ppm: int) -> Cycles:
     """
     if not crystal_ppm:
         return NO_CYCLES
-    drift = -(-2 * period * crystal_ppm // (1_000_000 - crystal_ppm))
-    return Cycles(2 * (drift // 2 + 1) + FIRST_CYCLES)
+    return Cycles(2 * (ceil(period * drift(crystal_ppm)) // 2 + 1) + FIRST_CYCLES)
 
 
 @dataclass(frozen=True, slots=True)
@@ -254,10 +265,6 @@ class WireRule:
     def early(self, period: Cycles) -> Cycles:
         """Return by how much the looks for a rise begin before a frame has passed; 0 with one crystal."""
         return awaited_early(period, self.crystal_ppm)
-
-    def seldom(self, period: Cycles) -> Cycles:
-        """Return the most cycles from one look at a quiet wire to the next: no pulse may be missed."""
-        return Cycles(period // 60)
 
     def to_json(self) -> dict[str, object]:
         restart = {"restart": self.restart, "restart_cycles": self.pulled} if self.restart else {}

@@ -24,7 +24,7 @@ from servogen.edges import HIGH, LOW, PINS, EdgeChunk, EdgeTrace, join, part
 from servogen.engines.board import board_of, machine_of
 from servogen.pic.image import Image
 from servogen.pulse import PulseSchedule
-from servogen.pulse.schedule import POLL_CYCLES, WireRule
+from servogen.pulse.schedule import POLL_CYCLES, WireRule, drift
 from servogen.simulator import LevelChange, Levels, Machine, Stimuli
 from servogen.simulator.layout import MCLR_PIN
 from servogen.units import Cycles
@@ -76,21 +76,17 @@ class OwnRun:
     late: tuple[float, float]
 
 
-def drift(rule: WireRule) -> Fraction:
-    """Return by how much one crystal may be faster than the other, as a part of its frequency."""
-    return Fraction(2 * rule.crystal_ppm, 1_000_000 - rule.crystal_ppm)
-
-
 def jitter(rule: WireRule, period: Cycles) -> tuple[Fraction, Fraction]:
     """Return by how many cycles the second chip's edges may be late, at least and at most: a look, which sees
     a rise less than `POLL_CYCLES` late, and what the crystals drift in a frame.
     """
-    return -drift(rule) * period, POLL_CYCLES + drift(rule) * period
+    drifted = drift(rule.crystal_ppm) * period
+    return -drifted, POLL_CYCLES + drifted
 
 
 def runs_of(schedules: Pair, images: tuple[Image, Image], rule: WireRule, limit: Cycles) -> Iterator[OwnRun]:
     """Yield runs at both limits of the crystals and at equal frequencies, at each of `PHASES`."""
-    fastest = 1 + drift(rule)
+    fastest = 1 + drift(rule.crystal_ppm)
 
     @cache
     def leads(mclr: tuple[tuple[int, int], ...]) -> EdgeChunk:

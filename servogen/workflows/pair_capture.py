@@ -16,9 +16,10 @@ from servogen.edges import CHIP_MARKS
 from servogen.errors import InputError, Location
 from servogen.programs import PAIR_FOLDERS
 from servogen.pulse import PulseSchedule
+from servogen.pulse.schedule import drift
 from servogen.traces.captures import read_capture, sampled_at
 from servogen.verify import CaptureVerdict, Tolerances, capture_lines
-from servogen.workflows.own_crystals import drift, jitter
+from servogen.workflows.own_crystals import jitter
 from servogen.workflows.verification import judge_capture
 
 if TYPE_CHECKING:
@@ -101,7 +102,7 @@ def _tolerances(schedule: PulseSchedule) -> Tolerances:
     longest = max(pulse.width for run in runs for pulse in run.pulses if pulse)
     return replace(
         usual,
-        width_us=usual.width_us + float(longest * drift(rule) * schedule.clock.cycle_us),
+        width_us=usual.width_us + float(longest * drift(rule.crystal_ppm) * schedule.clock.cycle_us),
         period_us=usual.period_us + span_us,
         edge_us=usual.edge_us + span_us,
     )

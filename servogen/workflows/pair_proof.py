@@ -18,8 +18,9 @@ from servogen.prove import Proof
 from servogen.prove.prover import MAX_STATES
 from servogen.prove.wire import NEAR
 from servogen.pulse import PulseSchedule
+from servogen.pulse.schedule import drift, seldom
 from servogen.workflows.certificates import CHECKED, CertificateVerdict, Witnessed, prove_program
-from servogen.workflows.own_crystals import drift, jitter
+from servogen.workflows.own_crystals import jitter
 
 if TYPE_CHECKING:
     from servogen.answers import PairProofFacts
@@ -146,7 +147,7 @@ def _late(schedules: tuple[PulseSchedule, PulseSchedule], first: Answer) -> int:
     # Up to its first look, from there to a low level, and beyond `quiet` to the next look, a frame each.
     late = silence - 3 * period - (rule.quiet if rule else 0) - NEAR
     # In the cycles of either chip: with two crystals they may differ.
-    return late - ceil(silence * drift(rule)) if rule else late
+    return late - ceil(silence * drift(rule.crystal_ppm)) if rule else late
 
 
 def _too_soon(first: PulseSchedule, second: PulseSchedule, late: int) -> Iterator[str]:
@@ -165,11 +166,12 @@ def _misfits(first: PulseSchedule, second: PulseSchedule) -> Iterator[str]:
     if rule is None:
         yield "chip2 follows no wire"
         return
+    faster = 1 + drift(rule.crystal_ppm)
     if (first.clock, first.period) != (second.clock, second.period):
         yield "the chips have different clocks or frames"
     if first.buttons or first.commands or first.wire:
         yield "something steers chip1, of which chip2 knows nothing"
-    if rule.restart and second.clock.us(rule.pulled) < RESET_US * (1 + drift(rule)):
+    if rule.restart and second.clock.us(rule.pulled) < RESET_US * faster:
         yield f"chip2 resets chip1 for {float(second.clock.us(rule.pulled)):g} us; {RESET_US} are needed"
     names = [channel.pin for channel in first.channels]
     runs = (*first.lead_in, *first.loop)
@@ -177,9 +179,9 @@ def _misfits(first: PulseSchedule, second: PulseSchedule) -> Iterator[str]:
     pulses = [pulse for pulse in wires if pulse is not None]
     if None in wires or len({pulse.rise for pulse in pulses}) != 1:
         yield f"{rule.source} of chip1 does not rise in the same cycle of every frame"
-    if rule.quiet < second.period * (1 + drift(rule)):
+    if rule.quiet < second.period * faster:
         yield f"chip2 takes a wire for quiet that is low for {rule.quiet} cycles, less than a frame"
-    near = max(NEAR + 2 * rule.early(second.period), ceil(rule.seldom(second.period) * (1 + drift(rule))))
+    near = max(NEAR + 2 * rule.early(second.period), ceil(seldom(second.period) * faster))
     if any(not near <= pulse.width <= first.period - near for pulse in pulses):
         yield f"a pulse of {rule.source} of chip1, or the time between two, is shorter than {near} cycles"
     if first.lead_in_frames - second.lead_in_frames != rule.frames or first.loop_frames != second.loop_frames:

@@ -56,10 +56,8 @@ class CommandLine:
     kind: ClassVar[str] = COMMANDS
 
     pin: str
-    codes: Mapping[str, str] = field(
-        default_factory=lambda: {**CODES}
-    )  # a copy: builds pass between processes
-    """Those of the directions, or of the segments, by name."""
+    codes: Mapping[str, str] = field(default_factory=lambda: dict(CODES))
+    """Those of the directions, or of the segments, by name: a `dict`, for builds pass between processes."""
 
     @property
     def inputs(self) -> tuple[Input, ...]:

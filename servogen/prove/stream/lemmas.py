@@ -92,16 +92,16 @@ def bytes_of(names: Names, chip: StreamChip, slot: Bits) -> dict[int, Bits]:
     coarse = names.streamed.coarse
     for n in range(names.servos):
         if coarse:
-            content[names.at("place", n)], content[names.at("goal", n)] = (
-                chip.widths[n][0:8],
-                chip.goals[n][0:8],
-            )
-        for name, pair in () if coarse else (("width", chip.widths[n]), ("goal", chip.goals[n])):
-            content[names.at(f"{name}_low", n)] = pair[0:8]
-            content[names.at(f"{name}_high", n)] = pair[8:16]
+            content[names.at("place", n)] = chip.widths[n][0:8]
+            content[names.at("goal", n)] = chip.goals[n][0:8]
+        else:
+            for name, pair in (("width", chip.widths[n]), ("goal", chip.goals[n])):
+                content[names.at(f"{name}_low", n)] = pair[0:8]
+                content[names.at(f"{name}_high", n)] = pair[8:16]
         content[names.at("speed", n)] = chip.speeds[n]
         content[EEPROM + n] = chip.trims[n]
-    for name, members in () if coarse else (("group", chip.group), ("waiting", chip.waiting)):
+    groups = {} if coarse else {"group": chip.group, "waiting": chip.waiting}
+    for name, members in groups.items():
         together = byte(0)
         for n, member in enumerate(members):
             together = together | choose(member, byte(1 << names.group_bit(n)), byte(0))
