@@ -33,11 +33,13 @@ FIXED = {"VDD": "VDD +5 V", "VSS": "VSS ground", "MCLR": "MCLR 10 kΩ to VDD"}
 
 @dataclass(frozen=True, slots=True)
 class PairFacts:
-    """Everything on the page: the rows of `programs` are dialect, words of both, the verdict on one run."""
+    """Everything on the page: the rows of `programs` are dialect, words of both, the verdict on the runs."""
 
     title: str
     jobs: tuple[PlannedJob, PlannedJob]
     exact: bool
+    runs: str
+    """How many runs the verdicts are about."""
     verdicts: Sequence[str]
     programs: Sequence[tuple[str, ...]]
     one_run: str
@@ -86,6 +88,7 @@ def _values(facts: PairFacts) -> dict[str, object]:
             *(line for job in facts.jobs for line in open_drain(job)),
             *remarks(both),
         ],
+        "runs": facts.runs,
         "verdicts": facts.verdicts,
         "programs": facts.programs,
         "one_run": facts.one_run,

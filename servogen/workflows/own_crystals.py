@@ -53,8 +53,8 @@ class Jitter:
         """Return the jitter, and what it was measured over, in a line."""
         (least, most), (early, late) = self.seen_us, self.allowed_us
         return (
-            f"chip2's pulses come {least:+.1f} to {most:+.1f} µs from their places, of {early:+.1f} to "
-            f"{late:+.1f} µs that two crystals of ±{self.crystal_ppm} ppm and the looks make"
+            f"chip2's pulses come {least:+.1f} to {most:+.1f} µs from their places; two crystals of "
+            f"±{self.crystal_ppm} ppm and the looks allow {early:+.1f} to {late:+.1f} µs"
         )
 
     def to_json(self) -> JitterAnswer:

@@ -113,11 +113,15 @@ class PairBuild:
             self.ran(folder),
         ]
 
+    @property
+    def runs(self) -> int:
+        """Return how many runs of each pair the verdicts are about."""
+        return next((verdict.jitter.runs for verdict in self.verdicts.values() if verdict.jitter), 1)
+
     def ran(self, folder: Path | str) -> str:
         """Return how many runs the verdicts are about, and which command is about all others."""
-        jitter = next((verdict.jitter for verdict in self.verdicts.values() if verdict.jitter), None)
-        runs = SEVERAL_RUNS.format(jitter.runs) if jitter else ONE_RUN
-        return f"{runs} What holds for every power-up and wire: servogen prove {folder}."
+        said = ONE_RUN if self.runs == 1 else SEVERAL_RUNS.format(self.runs)
+        return f"{said} What holds for every power-up and wire: servogen prove {folder}."
 
     def programs(self) -> list[str]:
         """Return the size of each chip's programs, and how far its schedule is from the plan."""
@@ -339,6 +343,7 @@ def pair_html(result: PairBuild) -> str:
             result.job.name,
             (first.job, second.job),
             result.exact,
+            "one run" if result.runs == 1 else f"{result.runs} runs",
             [f"{dialect}: {verdict.summary()}" for dialect, verdict in result.verdicts.items()],
             [
                 (

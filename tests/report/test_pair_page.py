@@ -18,7 +18,9 @@ SVG = "{http://www.w3.org/2000/svg}"
 def page(change: str = "", to: str = "", exact: bool = True) -> str:
     text = (TWO + ARM.format(elbow="RB0")).replace(change, to) if change else TWO + ARM.format(elbow="RB0")
     jobs = chip_jobs(plan_job(loads(text, "arm.toml")))
-    return pair_page(PairFacts("arm", jobs, exact, ["c2c: said"], [("c2c", "12", "34", "exact")], "one run"))
+    return pair_page(
+        PairFacts("arm", jobs, exact, "one run", ["c2c: said"], [("c2c", "12", "34", "exact")], "one run")
+    )
 
 
 def test_every_servo_stands_at_its_pin_of_its_chip() -> None:
