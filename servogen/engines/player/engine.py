@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import Any
 
+from servogen.engines.c_text import DIALECTS
 from servogen.engines.firmware import Firmware, ResourceError
 from servogen.engines.inputs import given
 from servogen.engines.inputs.buttons import ControlButtons, motion_with_wait, with_wait
@@ -38,12 +39,13 @@ def play(
     *,
     bends: bool = True,
     halves: bool = False,
+    balanced: bool = False,
 ) -> tuple[JointTrajectory, Playing, PulseSchedule]:
     """Return the motion with its lead-in, as the player plays it, and all frames that it can play.
 
     The player encodes it for errors of up to `max_error_us`, by default the job's. Its tables may be larger
     by `more_bytes` than those that fit flash beside the program; without `bends` no calibration has a knee;
-    poses may lie in two tables of `halves` of rows.
+    poses may lie in two tables of `halves` of rows, and those be `balanced`.
     Raises InputError or ResourceError.
     """
     buttons = given(job.inputs, ControlButtons) or ControlButtons()
@@ -71,6 +73,7 @@ def play(
         max_bytes=DATA_BYTES - (BUTTONS_BYTES if buttons.any else 0) + more_bytes,
         bends=bends,
         halves=halves,
+        balanced=balanced,
         wire=followed,
     )
     waiting = with_wait(played.plan.schedule, buttons.waiting)
@@ -122,9 +125,10 @@ class _Candidate:
         encoded, clock = self.played.encoded, self.played.plan.schedule.clock
         return (0.5 + NEAR[0]) * float((1 << int(encoded.scale.shifts.max())) * clock.cycle_us)
 
-    def fits(self, dialect: str) -> bool:
+    def fits(self, *dialects: str) -> bool:
         try:
-            self.make(dialect)
+            for dialect in dialects:
+                self.make(dialect)
         except ResourceError:
             return False
         return True
@@ -150,8 +154,9 @@ def _within(job: EngineJob, limit: float) -> _Candidate:
     ways: list[Callable[[EngineJob, float], _Candidate]]
     ways = [_candidate, partial(_candidate, more_bytes=eeprom_room(len(job.servos)) - EEPROM_C)]
     if commander(job.inputs) is None:
-        ways.append(_in_halves)
+        ways += [_in_halves, partial(_candidate, balanced=True)]
     first: _Candidate | None = None
+    held: _Candidate | None = None
     refused: ResourceError | None = None
     for way in ways:
         try:
@@ -159,14 +164,17 @@ def _within(job: EngineJob, limit: float) -> _Candidate:
         except ResourceError as error:
             refused = error
             continue
-        held = way is not _in_halves or first is None or candidate.fits(job.firmware.dialect)
-        if held and candidate.error_us <= limit:
+        # Two tables may be more than flash holds, in some dialects only.
+        if candidate.error_us <= limit and (way in ways[:2] or candidate.fits(*DIALECTS)):
             return candidate
+        if held is None and candidate.error_us <= limit and candidate.fits(job.firmware.dialect):
+            held = candidate
         first = first or candidate
-    if first is None:
+    best = held or first
+    if best is None:
         assert refused is not None
         raise refused
-    return first
+    return best
 
 
 def _in_halves(job: EngineJob, limit: float) -> _Candidate:

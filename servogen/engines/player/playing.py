@@ -15,7 +15,8 @@ import numpy as np
 from servogen.engines.firmware import ResourceError
 from servogen.engines.inputs.wire import FrameWire
 from servogen.engines.player.arithmetic import Whole
-from servogen.engines.player.encoding import Encoded
+from servogen.engines.player.balance import balance
+from servogen.engines.player.encoding import Encoded, scale_of
 from servogen.engines.player.knees import Knees, knees_of
 from servogen.engines.player.layout import SlotLayout, Used, layout
 from servogen.engines.player.legs import legs_encoder
@@ -53,6 +54,9 @@ MORE = (
 """Also tried where poses lie in two tables, for which flash has just room. A law that may deviate by more
 than the limit often deviates by less.
 """
+
+BALANCED = tuple((far, near) for far in (0.8, 1.0, 1.2, 1.4, 1.6) for near in (0.1, 0.3, 0.5, 0.9))
+"""The same of rows that are balanced, which takes off up to half; both are shares of the error limit."""
 
 DATA_BYTES, BUTTONS_BYTES, COMMANDS_BYTES, KNEES_BYTES = 328, 50, 60, 50
 """The size of tables, in bytes, that fits beside the program; what buttons, commands for a walk, and knees
@@ -97,6 +101,7 @@ def playing(
     max_bytes: int = DATA_BYTES,
     bends: bool = True,
     halves: bool = False,
+    balanced: bool = False,
     wire: FrameWire | None = None,
 ) -> Playing:
     """Return how the player plays `trajectory`; `servos` are its joints, in its order.
@@ -104,8 +109,8 @@ def playing(
     `bindings` tell which servos belong to legs; `soft` are the frames at which the parts of the soft start
     end. The distance from the plan is as small as tables of `max_bytes` allow; it may exceed `max_error_us`,
     which the caller checks. A walk that exceeds it is encoded more closely, if `bends` allows it with the
-    knees of bent calibrations. Poses may lie in two tables of `halves` of rows. The program may follow
-    the `wire` of another chip. Raises InputError.
+    knees of bent calibrations. Poses may lie in two tables of `halves` of rows; `balanced` are those with the
+    fewest bytes within `max_error_us`. The program may follow the `wire` of another chip. Raises InputError.
     """
     clock = trajectory.clock
     rows = ideal_widths(trajectory, servos, clock)
@@ -113,7 +118,10 @@ def playing(
         raise InputError("no-pulses", "the motion has no pulse")
     pairs = leg_channels(servos, bindings)
     loop_start = trajectory.loop_start
-    encoded = encoded_motion(rows, loop_start, soft, pairs, max_error_us, clock, max_bytes, halves=halves)
+    if balanced:
+        encoded = _balanced_motion(rows, loop_start, soft, max_error_us / float(clock.cycle_us))
+    else:
+        encoded = encoded_motion(rows, loop_start, soft, pairs, max_error_us, clock, max_bytes, halves=halves)
     played = _played(trajectory, servos, frame, rows, encoded, wire=wire)
     for turns in ((), [turn for turn, _ in pairs] if bends else ()):
         if not encoded.legs or played.plan.schedule.plan_error_us <= max_error_us:
@@ -222,6 +230,28 @@ def encoded_motion(
         assert refused is not None
         raise refused
     return smallest
+
+
+def _balanced_motion(rows: Floats, loop_start: int, soft: Sequence[int], limit: float) -> Encoded:
+    """Return the smallest encoding with balanced rows in two tables that is within `limit` cycles of the
+    motion. Raises ResourceError if there is none.
+    """
+    step = 1 << int(scale_of(rows[~np.isnan(rows).any(axis=1)]).shifts.max())
+    found, refused = [], None
+    for far, near in BALANCED:
+        try:
+            found.append(
+                poses_encoded(
+                    rows, (*soft, loop_start), loop_start, far * limit, near * limit / step, halves=True
+                )
+            )
+        except ResourceError as error:
+            refused = error
+    for encoded in sorted(found, key=lambda each: each.size):
+        closer = balance(encoded, rows)
+        if np.abs(closer.widths - rows)[~closer.silent].max() <= limit:
+            return closer
+    raise refused or ResourceError("does-not-fit", "no poses are close enough to the motion")
 
 
 def ideal_widths(trajectory: JointTrajectory, servos: Sequence[Servo], clock: Clock) -> Floats:

@@ -383,7 +383,7 @@ def _encoded(
     stride = stride_of(len(kept_rows), rows.shape[1])
     encoded_script = script(lead, loop, stride, legs=False, limited=limited)
     tables = b"".join(table_of(law) for law in laws)
-    values, silent = _played([*lead, *loop], kept_rows, tables)
+    values, silent = played([*lead, *loop], kept_rows, tables)
     return Encoded(
         scale,
         table,
@@ -398,19 +398,27 @@ def _encoded(
     )
 
 
-def _played(
+def blends(steps: Sequence[ScriptStep], laws: bytes) -> Iterator[tuple[int, int, Whole]]:
+    """Yield of each step but the first the rows that it blends, and the weight of the second one in each of
+    its frames, in 256ths.
+    """
+    for before, step in pairwise(steps):
+        time = np.array(step.timing.times(), dtype=np.int64)
+        law = step.timing.law
+        start = step.row if law in (STAY, SILENT) else before.row
+        yield start, step.row, time if law >= SILENT else weights(list(laws[law : law + ENTRIES]), time)
+
+
+def played(
     steps: Sequence[ScriptStep], rows: Sequence[Sequence[int]], laws: bytes
 ) -> tuple[Whole, np.ndarray]:
     """Return 256 times the values, frame by frame, as the chip computes them, and the frames without
     pulses.
     """
     table = np.array(rows, dtype=np.int64)
-    values, silent = [], []
-    for before, step in pairwise(steps):
-        time = np.array(step.timing.times(), dtype=np.int64)
-        law = step.timing.law
-        start = table[step.row if law in (STAY, SILENT) else before.row]
-        weight = time if law >= SILENT else weights(list(laws[law : law + ENTRIES]), time)
-        values.append(blended(start[None, :], table[step.row][None, :], weight[:, None]))
-        silent.append(np.full(len(time), law == SILENT))
+    values = [
+        blended(table[start][None, :], table[end][None, :], weight[:, None])
+        for start, end, weight in blends(steps, laws)
+    ]
+    silent = [np.full(step.timing.frames, step.timing.law == SILENT) for step in steps[1:]]
     return np.concatenate(values), np.concatenate(silent)
