@@ -10,7 +10,7 @@ In: widths frame by frame. Out: `Encoded`, with as few bytes as the limit on its
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache
 from itertools import combinations, pairwise
 
@@ -378,6 +378,9 @@ def _encoded(
         ScriptStep(number(piece.pose), timing(piece.end - piece.first, places[piece.law])) for piece in pieces
     ]
     first = 1 + sum(piece.end <= loop_start for piece in pieces)
+    if steps[first].timing.law not in (STAY, SILENT):
+        # The loop begins in the same row each time, also where poses that are nearly equal are in two.
+        steps[-1] = replace(steps[-1], row=steps[first - 1].row)
     lead, loop, kept_rows = ordered(steps[:first], steps[first:], pose_rows.kept)
     table = row_table(kept_rows, limited=limited, halves=halves)
     stride = stride_of(len(kept_rows), rows.shape[1])

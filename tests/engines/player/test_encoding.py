@@ -9,6 +9,7 @@ from servogen.engines.firmware import ResourceError
 from servogen.engines.player.arithmetic import blended, weights
 from servogen.engines.player.encoding import Rows
 from servogen.engines.player.laws import lift_table, spot_table, swing_table, table_of
+from servogen.engines.player.poses import played as poses_played
 from servogen.engines.player.poses import poses_encoded
 from servogen.engines.player.script import AGAIN, AT, SPOT, Script, ScriptStep, script, timing
 from servogen.motion.gait.footwork import bump, swing_share
@@ -193,3 +194,20 @@ def test_more_steps_between_few_poses_than_the_script_holds_are_refused() -> Non
         poses_encoded(rows, [0], 0, 5.0, 0.5)
     few = poses_encoded(rows[: 3 * 70], [0], 0, 5.0, 0.5)
     assert few.size <= 255
+
+
+@pytest.mark.parametrize("near", [2.0, 6.0])
+def test_a_loop_begins_in_the_same_row_each_time(near: float) -> None:
+    """Poses that share rows: the loop's first step comes from the row that its last one ends in."""
+    for seed in range(30):
+        random = np.random.default_rng(seed)
+        knots = 1500 + random.uniform(-10, 10, (25, 3))
+        knots[24] = knots[12]
+        rows = np.array([np.interp(np.arange(120), 5 * np.arange(25), knot) for knot in knots.T]).T
+        made = poses_encoded(rows, (60,), 60, 3.0, near)
+        last = 1
+        while sum(step.timing.frames for step in made.steps[1 : last + 1]) < made.lead:
+            last += 1
+        table = np.frombuffer(made.rows, dtype=np.uint8).reshape(-1, 3).tolist()
+        again, _ = poses_played([made.steps[-1], *made.steps[last + 1 :]], table, made.laws)
+        assert (made.scale.widths(again) == made.widths[made.lead :]).all(), seed
