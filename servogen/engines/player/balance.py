@@ -66,6 +66,8 @@ def _swept(rows: Whole, shares: Whole, away: Whole, measure: Callable[[Whole], W
     moved = False
     for row, share in zip(rows, shares, strict=True):
         frames = np.flatnonzero(share)
+        if not frames.size:  # a step of one frame ends where the next one begins
+            continue
         part, change = away[frames], share[frames, None]
         for step in (-1, 1):
             better = (measure(part + step * change) < measure(part)) & (row + step >= 0) & (row + step <= 255)

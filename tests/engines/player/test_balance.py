@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib import import_module
 
 import numpy as np
@@ -51,6 +52,13 @@ def test_what_is_balanced_already_stays() -> None:
     rows, plain = parabola()
     once = balance(plain, rows)
     assert balance(once, rows).rows == once.rows
+
+
+def test_a_pose_that_no_frame_has_stays() -> None:
+    rows, plain = parabola()
+    spare = replace(plain, rows=plain.rows + bytes([7, 7]))
+    assert balance(spare, rows).rows[-2:] == bytes([7, 7])
+    assert balance(spare, rows).rows[:-2] == balance(plain, rows).rows
 
 
 def test_frames_without_pulses_pull_no_row() -> None:
