@@ -81,6 +81,8 @@ def test_a_proof_names_its_witnesses_and_a_counterexample_its_command(files: Pat
     broken = run(*words, "--accept-one-engine", "--no-resets", "--json")
     command = json.loads(broken.out)["counterexample"]["command"].split()
     assert broken.code == 1 and command[:2] == ["servogen", "verify"]
+    shown = run(*words, "--no-resets")
+    assert shown.code == 1 and shown.out.startswith("counterexample: ") and " ".join(command) in shown.out
     replayed = run(*command[1:])
     assert replayed.code == 1 and "violated" in replayed.out
 

@@ -127,6 +127,17 @@ def test_joints_of_ros_turn_the_servos_of_a_job_whose_comments_stay(run: Run, tm
     assert degrees[0] == pytest.approx(80) and degrees[-1] == pytest.approx(130)
 
 
+def test_a_horn_is_turned_where_the_motion_would_leave_the_servos_travel(run: Run, tmp_path: Path) -> None:
+    """From -100 to -20° about 150° is 50 to 130°, the middle of 0 to 180°."""
+    file, job = tmp_path / "far.csv", tmp_path / "job.toml"
+    file.write_text("time_s,q1_deg\n0,-100\n1,-20\n2,-100\n")
+    words = ("import", file, "--robot", "anthropomorphic", "--map", "q1=q1", "-o", job)
+    assert run(*words).code == 0 and "zero_deg = 150\n" in job.read_text()
+    before = job.read_bytes()
+    again = run(*words)
+    assert (again.code, "[output-exists]" in again.err, job.read_bytes()) == (2, True, before)
+
+
 def test_a_motion_that_is_too_long_says_how_many_seconds_fit_and_that_a_stream_plays_it(
     run: Run, tmp_path: Path
 ) -> None:

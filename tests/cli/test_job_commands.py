@@ -11,6 +11,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from intelhex import IntelHex
 
 from servogen import job as job_package
 from servogen import verify as verify_package
@@ -25,6 +26,7 @@ from servogen.workflows import job_build, reporting, retarget
 from servogen.workflows.certificates import CertificateVerdict
 from tests.cli.conftest import Run
 from tests.cli.stand_ins import stand_in
+from tests.engines.tape.tape_jobs import text as tape_text
 
 ROOT = Path(__file__).parents[2]
 LAB8 = ROOT / "jobs" / "lab8-exercise.toml"
@@ -474,6 +476,22 @@ def test_tune_does_not_overwrite_what_it_reads(
         assert (ran.code, "[output-exists]" in ran.err) == (2, True), target
     assert Path("mine.c").read_text() == "int y;\n"
     assert not Path("a.toml").exists()
+
+
+def test_a_build_writes_the_tape_as_bytes_and_as_hex(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A byte that the programmer would write wrongly is found by the comparison with the schedule."""
+    monkeypatch.chdir(tmp_path)
+    Path("dance.toml").write_text(tape_text())
+    assert run("build", "dance.toml", "-o", "made").code == 0
+    tape = bytearray(Path("made/tape.bin").read_bytes())
+    assert IntelHex("made/tape.hex").tobinstr() == bytes(tape)
+    verify = ("verify", "made/main.hex", "--against", "made/schedule.json")
+    assert run(*verify).code == 0
+    tape[-1] ^= 1
+    Path("made/tape.bin").write_bytes(tape)
+    assert run(*verify).code != 0
 
 
 def test_new_writes_a_file_once(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -228,6 +228,7 @@ def test_an_interrupt_that_asks_for_its_flag_and_adds_to_tmr0_is_bounded(
         ({"work": "btfsc PORTB, 0\n goto $-2"}, "may add to TMR0 more than once"),
         ({"turns": "20\nnop\n movlw 3\n addwf TMR0, f"}, "adds to TMR0 outside its interrupt"),
         ({"added": 250}, "leaves no time"),
+        ({"work": "here goto here"}, "the interrupt: loop at"),
     ],
 )
 def test_what_keeps_an_interrupt_that_adds_to_tmr0_from_a_bound(changes: dict[str, str], why: str) -> None:
