@@ -118,12 +118,6 @@ def test_candidates_are_executed_once_in_each_frame(monkeypatch: pytest.MonkeyPa
     assert many == [every[99 * n // 23] for n in range(24)]
 
 
-# guesses
-
-
-# a walk from cut to cut
-
-
 def reads_w_first(*words: int, pc: int = 0) -> bool:
     return cuts.needs_w(PreparedProgram(Image(dict(enumerate(words)))), pc)
 

@@ -291,12 +291,8 @@ rest    decfsz 0x21, f
     assert prove_for_all(never, schedule).proven, "TMR0 is odd there"
 
 
-@pytest.mark.parametrize(("enable", "isr"), sampled([("0x90", "INTF"), ("0x88", "RBIF")]))
-def test_an_interrupt_that_moves_an_edge_is_found(enable: str, isr: str) -> None:
-    body = """
-        movlw {enable}
-        movwf INTCON
-frame   bsf PORTB, 1
+PULSE = """
+        bsf PORTB, 1
         movlw 100
         movwf 0x21
 wide    decfsz 0x21, f
@@ -306,10 +302,15 @@ wide    decfsz 0x21, f
         movwf 0x21
 rest    decfsz 0x21, f
         goto rest
-        goto frame
 """
+PULSE_CYCLES = 1 + 2 + 299 + 1 + 2 + 749
+
+
+@pytest.mark.parametrize(("enable", "isr"), sampled([("0x90", "INTF"), ("0x88", "RBIF")]))
+def test_an_interrupt_that_moves_an_edge_is_found(enable: str, isr: str) -> None:
+    body = " movlw {enable}\n movwf INTCON\nframe\n" + PULSE + " goto frame\n"
     handler = f"        movf PORTB, w\n        bcf INTCON, {isr}\n        retfie"
-    schedule = schedule_of(1 + 2 + 299 + 1 + 2 + 749 + 2, 302)
+    schedule = schedule_of(PULSE_CYCLES + 2, 302)
     quiet = prove_for_all(assembled(body.format(enable="0"), handler), schedule)
     assert quiet.proven, quiet.reason
     found = prove_for_all(assembled(body.format(enable=enable), handler), schedule, max_states=100)
@@ -325,24 +326,8 @@ def test_a_pin_that_is_read_twice_in_a_frame_is_not_decided_but_never_proven() -
 
 def test_what_chips_differ_in_is_found_before_an_instruction_that_an_unknown_bit_decides() -> None:
     """A word that no data sheet defines stands just before a skip on unknown RAM: neither hides the other."""
-    body = """
-{odd}
-        btfss 0x30, 7
-        goto $+1
-        nop
-frame   bsf PORTB, 1
-        movlw 100
-        movwf 0x21
-wide    decfsz 0x21, f
-        goto wide
-        bcf PORTB, 1
-        movlw 250
-        movwf 0x21
-rest    decfsz 0x21, f
-        goto rest
-        goto frame
-"""
-    schedule = schedule_of(1 + 2 + 299 + 1 + 2 + 749 + 2, 302)
+    body = "{odd}\n btfss 0x30, 7\n goto $+1\n nop\nframe\n" + PULSE + " goto frame\n"
+    schedule = schedule_of(PULSE_CYCLES + 2, 302)
     assert prove_for_all(assembled(body.format(odd=" nop")), schedule).proven
     assert not prove_for_all(assembled(body.format(odd=" dw 0x0001")), schedule).proven
     assert not prove_for_all(assembled(body.format(odd=" btfss 0x31, 6\n dw 0x0001")), schedule).proven
@@ -351,50 +336,19 @@ rest    decfsz 0x21, f
 @pytest.mark.parametrize("flag", sampled(["INTF", "RBIF", "T0IF"], 2))
 def test_a_flag_that_is_only_polled_makes_no_interrupt(flag: str) -> None:
     """The handler hangs: whoever went there would make no more edges."""
-    body = """
-        btfss INTCON, FLAG
-        goto $+1
-frame   bsf PORTB, 1
-        movlw 100
-        movwf 0x21
-wide    decfsz 0x21, f
-        goto wide
-        bcf PORTB, 1
-        movlw 250
-        movwf 0x21
-rest    decfsz 0x21, f
-        goto rest
-        btfsc INTCON, FLAG
-        nop                     ; as long as a skip
-        goto frame
-"""
-    schedule = schedule_of(1 + 2 + 299 + 1 + 2 + 749 + 2 + 2, 302)
-    good = body.replace("FLAG", flag)
+    polls = f" btfsc INTCON, {flag}\n nop\n goto frame\n"
+    good = f" btfss INTCON, {flag}\n goto $+1\nframe\n{PULSE}{polls}"
+    schedule = schedule_of(PULSE_CYCLES + 2 + 2, 302)
     assert prove_for_all(assembled(good, "        goto 4"), schedule).proven
-    longer = good.replace("        nop  ", "        goto $+1  ")
+    longer = good.replace(" nop\n", " goto $+1\n")  # a skip is as long as NOP
     assert not prove_for_all(assembled(longer, "        goto 4"), schedule).proven
 
 
 def test_an_interrupt_of_a_timer_whose_value_nobody_knows_is_not_proven() -> None:
     """Written in each frame TMR0 never overflows; otherwise any frame may be hit."""
-    body = """
-        movlw 0xA0
-        movwf INTCON
-frame   {write}
-        bsf PORTB, 1
-        movlw 100
-        movwf 0x21
-wide    decfsz 0x21, f
-        goto wide
-        bcf PORTB, 1
-        movlw 250
-        movwf 0x21
-rest    decfsz 0x21, f
-        goto rest
-        goto frame
-"""
+    body = " movlw 0xA0\n movwf INTCON\nframe {write}\n" + PULSE + " goto frame\n"
     handler = "        bcf INTCON, T0IF\n        retfie"
-    schedule = schedule_of(1 + 1 + 2 + 299 + 1 + 2 + 749 + 2, 302)
+    schedule = schedule_of(1 + PULSE_CYCLES + 2, 302)
     image = assembled(body.format(write="clrf TMR0"), handler)
     assert prove_for_all(image, schedule, max_states=500).proven
     source = HEAD.replace("        clrf TMR0\n", "").format(isr=handler) + body.format(write="nop")
