@@ -18,7 +18,7 @@ from difflib import unified_diff
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
-INPUTS = ("jobs", "firmware", "docs/examples", "tests/labs")
+INPUTS = ("jobs", "firmware", "certificates", "docs/examples", "tests/labs")
 JOBS = sorted(path.stem for path in ROOT.glob("jobs/*.toml"))
 COMMANDS = (
     *(f"check jobs/{job}.toml" for job in JOBS),
@@ -34,8 +34,22 @@ COMMANDS = (
     *("fk rv-m1 30 40 -60 80 -45", "ik scara 346.41016 500 250 --all", "jacobian cylindrical-r2p 30 0 200"),
     *("statics leg 10 0 --force-n 0 0 10", "orientation rpy 30 90 10", "mobility hexapod", "ik omni 0 100 0"),
     *("gait hexapod --gait tripod --stride-mm 40", "gait hexapod --gait ripple --body-height-mm 110"),
-    "drive jobs/rvm1-stream.toml --dry-run --seconds 2",
+    *("transform Rx(30)Tx(-50) 1 2 3", "differential Rx(90) --translation -1 2 3", "equation 1 -1 0"),
+    *("drive jobs/rvm1-stream.toml --dry-run --seconds 2", "run-program jobs/rvm1-program.rvm"),
+    "report jobs/lab8-program.toml -o report.html",
+    "grade lab8-exercise firmware/lab8-exercise/main.hex",
+    "check-certificate certificates/lab8-program/main.cert.xz firmware/lab8-program/main.hex "
+    "--against firmware/lab8-program/schedule.json",
 )
+NOT_ASKED = {
+    **dict.fromkeys(
+        ("flash", "capture", "rig", "calibrate", "doctor"), "its answer depends on what is connected"
+    ),
+    **dict.fromkeys(("tune", "import"), "its input is made by another program"),
+    "demo": "it builds all jobs, which `build` is asked for",
+    "twin": "it needs MuJoCo, whose versions differ in the last digits",
+}
+"""Commands with --json that are not compared, and why."""
 
 
 def answer(tree: Path, work: Path, command: str) -> list[str]:

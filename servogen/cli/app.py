@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.exceptions import TyperException
+from typer.models import ArgumentInfo
 
 from servogen import INTERRUPTED, NOBODY_READS, __version__
 from servogen.cli.show import show_error
@@ -76,12 +77,6 @@ A command is the function of its name, `_` for `-`. Modules import what they nee
 needs much more than its neighbours has a module of its own.
 """
 
-WITH_NEGATIVE_NUMBERS = {
-    *("fk", "ik", "jacobian", "statics", "transform", "orientation", "differential", "equation"),
-}
-"""Their arguments are numbers: -5 is not an option."""
-NEGATIVE_NUMBERS = {"ignore_unknown_options": True}
-
 MODULES = {name: module for modules in GROUPS.values() for module, names in modules.items() for name in names}
 PANELS = {name: group for group, modules in GROUPS.items() for names in modules.values() for name in names}
 
@@ -126,9 +121,16 @@ def _load(command: str) -> Command:
     gc.enable()  # see `main`
     part = typer.Typer()
     part.callback()(_options)  # makes it a group, even of a single command
-    settings = NEGATIVE_NUMBERS if command in WITH_NEGATIVE_NUMBERS else None
+    settings = {"ignore_unknown_options": _takes_numbers(function)}  # -5 is a number, not an option
     part.command(command, context_settings=settings, rich_help_panel=PANELS[command])(_spread(function))
     return typer.main.get_group(part).commands[command]
+
+
+def _takes_numbers(command: Callable[..., None]) -> bool:
+    """Return whether an argument of a command is a number."""
+    hints = get_type_hints(command, include_extras=True).values()
+    facts = [fact for hint in hints for fact in getattr(hint, "__metadata__", ())]
+    return any(isinstance(fact, ArgumentInfo) and fact.parser is not None for fact in facts)
 
 
 def _spread(command: Callable[..., None]) -> Callable[..., None]:

@@ -82,11 +82,6 @@ class ServoDrive:
         own = math.sqrt(self.stall_torque / self.band / self.inertia)
         return max(1, math.ceil(own / (1000 * PHASE_RAD) * (1 - 1e-9)))
 
-    @property
-    def stall_current(self) -> float:
-        """Return the current from the supply at standstill, with that of the electronics."""
-        return self.supply_v / self.resistance + self.idle_a
-
 
 def drive_of(servo: Servo) -> ServoDrive:
     """Return the constants of a servo. Raises InputError for a model without speed or torque."""

@@ -14,6 +14,7 @@ from rich.text import Text
 
 from servogen.cli.app import GROUPS, MODULES, LazyCommands, app
 from tests.cli.conftest import Run
+from tools import answers
 
 JOB = str(Path(__file__).parents[2] / "jobs" / "hexapod-wave.toml")
 
@@ -27,6 +28,16 @@ def helps() -> Iterator[str]:
         yield command.help or ""
         for parameter in command.params:
             yield getattr(parameter, "help", None) or ""
+
+
+def test_every_command_with_json_is_compared_between_commits_or_it_is_said_why_not() -> None:
+    group: Any = typer.main.get_command(app)
+    context = typer.Context(group)
+    commands = {name: group.resolve_command(context, [name])[1] for name in group.list_commands(context)}
+    printing = {
+        name for name, command in commands.items() if "json" in {each.name for each in command.params}
+    }
+    assert printing == {each.split()[0] for each in answers.COMMANDS} ^ answers.NOT_ASKED.keys()
 
 
 def test_no_help_has_brackets_that_are_taken_for_markup() -> None:

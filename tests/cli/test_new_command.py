@@ -10,8 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from servogen.job import load, plan_job
-from servogen.job.starter import starter
+from servogen import job
+from servogen.job import KINDS, load, loads, plan_job
+from servogen.job.starter import starter, template
+from servogen.kinematics.registry import KINDS as ROBOT_KINDS
 from servogen.workflows.engines import planned
 from tests.campaigns import sampled
 from tests.cli.conftest import Run
@@ -40,6 +42,14 @@ def test_a_robot_with_a_servo_is_planned_without_a_warning(run: Run, kind: str, 
     assert ran.out.splitlines()[1:] == ["  servogen check my.toml", "  servogen watch my.toml"]
     assert models("my.toml") == {servo}
     planned_without_a_warning(Path("my.toml").read_text("utf-8"), servo)
+
+
+def test_every_kind_of_robot_has_a_job_to_start_from_and_every_such_job_is_offered() -> None:
+    assert sorted(file.stem for file in Path(job.__file__).with_name("starters").glob("*.toml")) == sorted(
+        KINDS
+    )
+    robots = (loads(template(kind), Path(f"{kind}.toml")).robot for kind in KINDS)
+    assert {robot.kind for robot in robots if robot is not None} == {*ROBOT_KINDS}
 
 
 @pytest.mark.campaign

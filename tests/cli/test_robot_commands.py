@@ -32,6 +32,10 @@ def test_negative_numbers_need_no_dashes(run: Run) -> None:
     assert (positive.code, negative.code) == (0, 0)
     assert json.loads(negative.out)["position_m"][1] == -json.loads(positive.out)["position_m"][1]
     assert run("ik", "rv-m1", 300, -20.5, 300).code == 0
+    assert (
+        run("equation", 1, -1, 0).code == run("differential", "Rx(90)", "--translation", -1, 2, 3).code == 0
+    )
+    assert "No such option: -1" in run("robots", -1).err, "its argument is a name"
 
 
 def test_a_product_of_transforms_moves_a_point(run: Run) -> None:
