@@ -149,44 +149,6 @@ def test_facts_of_a_servo_can_be_given_in_the_job() -> None:
             '"mpx-tiny-s"\ntrim_us = -2000',
             "14:1: error: servo[2].trim_us: hand's shortest pulse",
         ),
-        ("4_000_000", "20_000_000", "3:1: error: chip.clock_hz: 20000000 Hz is above the PIC16F84's limit"),
-        ("clock_hz", "clock", "3:1: error: chip.clock: 'clock' has no unit: write clock_hz"),
-        ('pin = "RB1"', 'pin = "RB0"', "12:1: error: servo[2].pin: two servos are on pin RB0: arm and hand"),
-        (
-            'pin = "RB1"',
-            'pin = "RB8"',
-            "12:1: error: servo[2].pin: unknown pin 'RB8' [unknown-pin]\n  did you mean",
-        ),
-        ('pin = "RB1"', 'pin = "RA4"', "12:1: error: servo[2].pin: RA4 is an open drain"),
-        (
-            'pin = "RB1"',
-            'pin = "RB1"\nopen_drain = true',
-            "13:1: error: servo[2].open_drain: RB1 is not an open drain",
-        ),
-        ('name = "hand"', 'name = "arm"', "11:1: error: servo[2].name: two servos have the name 'arm'"),
-        ('name = "hand"', 'name = "2nd"', '11:1: error: servo[2].name: "2nd" is not a name'),
-        (
-            "mpx-tiny-s",
-            "mpx-tinys",
-            "13:1: error: servo[2].model: unknown servo model 'mpx-tinys' [unknown-servo-model]\n  "
-            "did you mean",
-        ),
-        ('"mpx-tiny-s"', '"mpx-tiny-s"\nsupply_v = 12', "14:1: error: servo[2].supply_v: 12 V is outside"),
-        (
-            '"mpx-tiny-s"',
-            '"mpx-tiny-s"\nmax_deg = 200',
-            "14:1: error: servo[2].max_deg: hand cannot have limits",
-        ),
-        (
-            '"mpx-tiny-s"',
-            '"mpx-tiny-s"\ntrim = 5',
-            "14:1: error: servo[2].trim: 'trim' has no unit: write trim_us",
-        ),
-        (
-            '"mpx-tiny-s"',
-            '"mpx-tiny-s"\ntrim_us = -2000',
-            "14:1: error: servo[2].trim_us: hand's shortest pulse",
-        ),
         (
             '"mpx-tiny-s"',
             '"mpx-tiny-s"\npoints = [{ angle_deg = 0, width_us = 1000 }]',

@@ -613,6 +613,10 @@ def test_targets_that_are_no_points_are_refused() -> None:
             ik(arm("scara"), wrong)
     with pytest.raises(InputError, match="rotation matrix"):
         ik(arm("scara"), [0.5, 0.1, 0.3], [1.0, 2.0])
+    with pytest.raises(InputError, match="rotation matrix"):
+        ik(arm("scara"), [0.5, 0.1, 0.3], np.full((3, 3), np.inf))
+    with pytest.raises(InputError, match="one target at a time"):
+        ik_all(arm("scara"), [[0.5, 0.1, 0.3]] * 2)
 
 
 def test_all_four_branches_of_the_spherical_arm_lead_to_the_point() -> None:

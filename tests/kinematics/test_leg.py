@@ -92,6 +92,8 @@ def test_a_stance_at_constant_height_turns_only_alpha_and_the_spring_takes_up_th
     wanted = LEG.straight(stride, height, 31)
     stance = LEG.stance(wanted)
     assert np.ptp(stance.beta) < 1e-12
+    across = wanted[:, 0] * stance.correction_m[:, 1] - wanted[:, 1] * stance.correction_m[:, 0]
+    assert across == pytest.approx(np.zeros(31), abs=1e-15), "the spring yields along the leg"
     np.testing.assert_allclose(stance.foot_m + stance.correction_m, wanted, atol=1e-15)
     rho = np.hypot(0.04, 0.05 * np.sin(LEG.beta_at(height)))
     np.testing.assert_allclose(np.hypot(*stance.foot_m[:, :2].T), rho, atol=1e-12)
@@ -173,3 +175,5 @@ def test_which_lengths_may_be_zero() -> None:
     for name in ("ab", "bc", "cd", "df"):
         with pytest.raises(InputError, match=f"the leg's length {name} is -0.001 m"):
             Leg(**{"ab": 0.03, "bc": 0.05, "cd": 0.01, "df": 0.08} | {name: -0.001})
+    with pytest.raises(InputError, match="cannot be negative"):
+        Leg(0.03, 0.05, 0.01, np.nan)

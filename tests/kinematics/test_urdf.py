@@ -13,7 +13,6 @@ from servogen.kinematics.catalogue import arm
 from servogen.kinematics.forward import fk
 from servogen.kinematics.transforms import rot
 from servogen.kinematics.urdf import from_urdf, to_urdf
-from servogen.robot.model import Arm, DHRow, Joint, Length
 
 pytest.importorskip("urdf_parser_py")
 
@@ -159,24 +158,6 @@ def test_as_many_joints_as_are_allowed_are_read(monkeypatch: pytest.MonkeyPatch)
     with pytest.raises(InputError, match="has 2 joints") as caught:
         from_urdf(robot(LINKS, SHOULDER, SLIDE), "made.urdf")
     assert caught.value.hint == "at most 1"
-
-
-def test_what_a_row_follows_at_another_ratio_is_written_with_its_own_limits_and_speed() -> None:
-    """A follower at -2 turns twice as fast, between twice the ends the other way round."""
-    joint = Joint("j", "turning", -0.5, 1.0, 0.0, speed=3.0)
-    zero = Length()
-    rows = (DHRow(0.0, zero, Length((), 0.2), 0.0, 0), DHRow(0.0, zero, zero, 0.0, 0, -2.0))
-    text = to_urdf(Arm("made", "", "standard", (joint,), rows))
-    (own,), (follower,) = (
-        re.findall(r'name="j"[\s\S]*?</joint>', text),
-        re.findall(r'name="j_follower_link2"[\s\S]*?</joint>', text),
-    )
-    assert 'lower="-0.5" upper="1.0"' in " ".join(re.findall(r'(?:lower|upper)="[^"]*"', own))
-    assert 'lower="-2.0" upper="1.0"' in " ".join(re.findall(r'(?:lower|upper)="[^"]*"', follower))
-    assert 'velocity="3.0"' in own and 'velocity="6.0"' in follower
-    assert 'multiplier="-2.0"' in follower and "mimic" not in own
-    with pytest.raises(InputError, match=r"the first row of 'j' has the ratio -2\.0, URDF needs 1"):
-        to_urdf(Arm("made", "", "standard", (joint,), rows[::-1]))
 
 
 def test_a_fixed_joint_belongs_to_the_link() -> None:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from servogen.errors import InputError
 from servogen.motion.gait.phases import Gait, custom, gait
-from servogen.motion.gait.stability import margin, support_polygon
+from servogen.motion.gait.stability import margin
 from tests.motion.robots import hexapod
 
 
@@ -79,21 +79,6 @@ def test_a_named_gait_needs_three_legs_on_each_side() -> None:
         gait("wave", hexapod().with_leg("L1"))
 
 
-def test_the_margin_inside_a_square_is_the_distance_from_its_nearest_side() -> None:
-    square = np.array([[1.0, 1], [-1, 1], [-1, -1], [1, -1], [0, 0]])
-    assert margin(square, np.array([0.0, 0.0])) == 1
-    assert margin(square, np.array([0.75, 0.0])) == 0.25
-    assert margin(square, np.array([1.5, 0.0])) == -0.5
-    assert margin(square, np.array([4.0, 5.0])) == -5
-    assert len(support_polygon(square)) == 4
-
-
-def test_two_feet_one_and_none_support_nothing() -> None:
-    assert margin(np.array([[0.0, 0], [2, 0]]), np.array([1.0, 0.5])) == -0.5
-    assert margin(np.array([[0.0, 0]]), np.array([3.0, 4.0])) == -5
-    assert margin(np.empty((0, 2)), np.array([0.0, 0.0])) == -math.inf
-
-
 coordinate = st.integers(-20, 20).map(lambda value: value / 10)
 
 
@@ -150,10 +135,3 @@ def test_what_moves_by_more_than_half_a_frame_is_said() -> None:
     (change,) = asked.on_frames(50).changes_from(asked, 50)
     assert (change.what, change.used, change.frames) == ("duty", Fraction(34, 50), Fraction(2, 3))
     assert change.text() == "the duty factor is 0.68 of the cycle, not 0.6667: 0.67 frames"
-
-
-@pytest.mark.parametrize(
-    ("share", "meant"), [(0.667, "2/3"), (0.17, "17/100"), (0.52, "13/25"), (0.083, "1/12"), (0.5, "1/2")]
-)
-def test_a_share_is_a_simple_fraction_only_to_three_digits(share: float, meant: str) -> None:
-    assert custom("mine", share, [0] * 6, hexapod()).duty == Fraction(meant)

@@ -104,15 +104,6 @@ def test_a_motion_cannot_begin_with_a_pose_that_it_only_passes(repeat: bool) -> 
         planned(Pose((0.0, 0.0), via=True), Pose((1.0, 1.0), hold_s=HOLD), repeat=repeat)
 
 
-def test_passed_poses_all_have_a_time_or_none_has() -> None:
-    with pytest.raises(InputError, match="all via poses have a time, or none"):
-        planned(
-            Pose((0.0, 0.0), hold_s=HOLD),
-            Pose((1.0, 0.0), move_s=Fraction(1), via=True),
-            Pose((1.0, 1.0), move_s=None),
-        )
-
-
 def test_a_path_says_its_chord_error_and_keeps_the_limits() -> None:
     # The joints are the polar coordinates of the point.
     line = StraightLine((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))

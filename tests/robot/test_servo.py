@@ -45,16 +45,6 @@ def test_every_model_of_the_catalogue_loads_and_says_its_source() -> None:
     assert all(servo_model(name).source for name in names())
 
 
-def test_between_two_supplies_speed_is_on_the_straight_line() -> None:
-    middle = servo_model("mpx-tiny-s", 5.4).speed
-    assert middle == pytest.approx((math.radians(750) + math.radians(1000)) / 2)
-
-
-def test_a_supply_outside_of_the_servos_is_refused() -> None:
-    with pytest.raises(InputError, match="9 V is outside"):
-        servo_model("mpx-tiny-s", 9.0)
-
-
 def test_an_unknown_model_is_refused_with_the_nearest() -> None:
     with pytest.raises(InputError, match="did you mean 'mpx-tiny-s'"):
         servo_model("mpx-tinys")
@@ -76,11 +66,6 @@ def test_a_trim_moves_every_width_by_itself() -> None:
 
 def test_a_reversed_servo_counts_from_the_other_end() -> None:
     assert arm(reverse=True).width_us(math.radians(30)) == pytest.approx(arm().width_us(math.radians(150)))
-
-
-def test_three_points_are_two_straight_lines() -> None:
-    bent = calibration(((0.0, 1000.0), (1.0, 1400.0), (2.0, 2000.0)))
-    assert [bent.width_us(angle) for angle in (0.5, 1.0, 1.5)] == [1200.0, 1400.0, 1700.0]
 
 
 def test_points_may_fall_and_come_in_any_order() -> None:
@@ -128,11 +113,6 @@ def test_an_angle_beyond_the_limits_is_refused_and_one_on_them_is_not() -> None:
 def test_limits_without_room_are_refused() -> None:
     with pytest.raises(InputError, match="minimum angle of 90° is not below its maximum of 90°"):
         arm(limits=(math.pi / 2, math.pi / 2))
-
-
-def test_a_trim_that_leaves_no_pulse_is_refused() -> None:
-    with pytest.raises(InputError, match="shortest pulse would be -100 µs"):
-        arm(trim_us=-1100.0)
 
 
 @settings(max_examples=200)
