@@ -196,56 +196,38 @@ def test_an_address_counts_in_whichever_declaration_it_stands(form: str, where: 
         ("extern char a @ 0x20;\nchar a @ 0x21;", "'a' has two addresses: 0x20 and 0x21"),
         ("extern const char a;\nchar a = 1;", "'a' is const in one declaration only"),
         ("extern char a;\nconst char a = 1;", "'a' is const in one declaration only"),
-        (
-            "const struct { volatile char v; char w; } a = {1, 2};",
-            "the constant 'a' cannot have a volatile member",
-        ),
+        ("const struct { volatile char v; char w; } a = {1, 2};",
+            "the constant 'a' cannot have a volatile member"),
         ("char f;\nvoid g(void) { extern int f; f = 1; }", "'f' is already declared"),
-        (
-            "const struct { unsigned x : 1; } a = {1};\nvoid g(void) { a.x = 0; }",
-            "'a' is const and cannot be changed",
-        ),
+        ("const struct { unsigned x : 1; } a = {1};\nvoid g(void) { a.x = 0; }",
+            "'a' is const and cannot be changed"),
         ("const struct { unsigned x : 1; } a = {1};\nvoid g(void) { &a.x; }", "a bit has no address"),
-        (
-            'const struct { char t[3]; } a = {"x"};\nchar *p;\nvoid g(void) { p = a.t; }',
+        ('const struct { char t[3]; } a = {"x"};\nchar *p;\nvoid g(void) { p = a.t; }',
             "the assignment would drop const: "
-            "'const unsigned char *' may point to flash, 'unsigned char *' cannot",
-        ),
+            "'const unsigned char *' may point to flash, 'unsigned char *' cannot"),
         (
             'const char a[3] = "x";\nchar *p;\nvoid g(void) { p = (char *) a; }',
             "the cast would drop const: 'const unsigned char *' may point to flash, 'unsigned char *' cannot",
         ),
-        (
-            "const char *a[2];\nchar **p;\nvoid g(void) { p = a; }",
+        ("const char *a[2];\nchar **p;\nvoid g(void) { p = a; }",
             "the assignment makes 'unsigned char * *' from 'const unsigned char * *': "
-            "a pointer to const has two bytes, others have one",
-        ),
-        (
-            "char *a;\nconst char **p;\nvoid g(void) { p = (const char **) &a; }",
+            "a pointer to const has two bytes, others have one"),
+        ("char *a;\nconst char **p;\nvoid g(void) { p = (const char **) &a; }",
             "the cast makes 'const unsigned char * *' from 'unsigned char * *': "
-            "a pointer to const has two bytes, others have one",
-        ),
-        (
-            "char f(const char *s) { return *s; }\nchar (*p)(char *);\nvoid g(void) { p = f; }",
+            "a pointer to const has two bytes, others have one"),
+        ("char f(const char *s) { return *s; }\nchar (*p)(char *);\nvoid g(void) { p = f; }",
             "the assignment makes 'unsigned char (*)(unsigned char *)' from "
-            "'unsigned char (*)(const unsigned char *)': a pointer to const has two bytes, others have one",
-        ),
-        (
-            "const char *f(void) { return 0; }\nchar *(*const p[1])(void) = {f};",
+            "'unsigned char (*)(const unsigned char *)': a pointer to const has two bytes, others have one"),
+        ("const char *f(void) { return 0; }\nchar *(*const p[1])(void) = {f};",
             "the initialiser makes 'unsigned char * (*)()' from 'const unsigned char * (*)()': "
-            "a pointer to const has two bytes, others have one",
-        ),
-        (
-            "char f(char *s);\nchar f(const char *s) { return *s; }",
+            "a pointer to const has two bytes, others have one"),
+        ("char f(char *s);\nchar f(const char *s) { return *s; }",
             "'f' was declared as 'unsigned char(unsigned char *)' before, "
-            "now as 'unsigned char(const unsigned char *)'",
-        ),
-        (
-            'char last(char **all) { return all[1][0]; }\nchar *a[2] = {"x", "y"};\n'
+            "now as 'unsigned char(const unsigned char *)'"),
+        ('char last(char **all) { return all[1][0]; }\nchar *a[2] = {"x", "y"};\n'
             "void g(void) { last(a); }",
             "argument 1 of 'last' makes 'unsigned char * *' from 'const unsigned char * *': "
-            "a pointer to const has two bytes, others have one",
-        ),
+            "a pointer to const has two bytes, others have one"),
         (  # f is called through a pointer, too, whose type says char *
             'char f(char *s) { return *s; }\nchar (*p)(char *) = f;\nvoid g(void) { f("x"); }',
             "argument 1 of 'f' would drop const: "
@@ -261,13 +243,11 @@ def test_an_address_counts_in_whichever_declaration_it_stands(form: str, where: 
             "argument 1 of 'f' would drop const: "
             "'const unsigned char *' may point to flash, 'unsigned char *' cannot",
         ),
-        (
-            'void f(char *s) { char *t = &s[1]; *t = 1; }\nvoid g(void) { f("x"); }',
+        ('void f(char *s) { char *t = &s[1]; *t = 1; }\nvoid g(void) { f("x"); }',
             "argument 1 of 'f' would drop const: "
-            "'const unsigned char *' may point to flash, 'unsigned char *' cannot",
-        ),
+            "'const unsigned char *' may point to flash, 'unsigned char *' cannot"),
     ],
-)
+)  # fmt: skip
 def test_what_contradicts_is_an_error(text: str, message: str) -> None:
     with pytest.raises(InputError) as caught:
         compile_sources([Source(text + "\nvoid main(void) { }", "main.c")])

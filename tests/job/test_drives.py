@@ -101,26 +101,16 @@ def test_a_drive_may_end_stopped_or_released() -> None:
     ("old", "new", "message"),
     [
         ('"wheel2", "wheel3"]', '"wheel2", "wheel4"]', "drive.wheels[3]: there is no servo 'wheel4'"),
-        (
-            '"wheel2", "wheel3"]',
-            '"wheel2", "wheel2"]',
-            "drive.wheels[3]: 'wheel2' is the servo of two wheels",
-        ),
+        ('"wheel2", "wheel3"]', '"wheel2", "wheel2"]',
+            "drive.wheels[3]: 'wheel2' is the servo of two wheels"),
         ('model = "continuous" #', 'model = "futaba-s3001" #', "'wheel1' is not a continuous-rotation servo"),
         ('name = "omni"', 'name = "rv-m1"', "drive: a drive needs a robot on wheels"),
         ("[[0, 0], [300, 0], [300, 300], [0, 300]]", "[[0, 0], [0, 0]]", "the contour has no length"),
-        (
-            "[frame]",
-            '[[servo]]\nname = "x"\npin = "RB7"\nmodel = "continuous"\n\n[frame]',
-            "x turns no wheel",
-        ),
-        (
-            'model = "continuous" #',
-            'model = "continuous"\nmin_deg = 0 #',
-            "wheel1 turns continuously",
-        ),
+        ("[frame]", '[[servo]]\nname = "x"\npin = "RB7"\nmodel = "continuous"\n\n[frame]',
+            "x turns no wheel"),
+        ('model = "continuous" #', 'model = "continuous"\nmin_deg = 0 #', "wheel1 turns continuously"),
     ],
-)
+)  # fmt: skip
 def test_what_is_wrong_is_said_with_its_key(old: str, new: str, message: str) -> None:
     assert message in error_of((old, new))
 

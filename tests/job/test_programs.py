@@ -97,38 +97,23 @@ def test_errors_of_the_program_have_the_program_s_place(tmp_path: Path) -> None:
     ("old", "new", "message"),
     [
         ('file = "rvm1-program.rvm"', 'file = "none.rvm"', "none.rvm: error: cannot be read: No such file"),
-        (
-            'servo = "hand"',
-            'servo = "hnd"',
-            "program.hand.servo: there is no servo 'hnd' [unknown-servo]\n  did you mean 'hand'",
-        ),
+        ('servo = "hand"', 'servo = "hnd"',
+            "program.hand.servo: there is no servo 'hnd' [unknown-servo]\n  did you mean 'hand'"),
         ('servo = "hand"', 'servo = "roll"', "program.hand.servo: 'roll' already turns a joint of the arm"),
-        (
-            'model = "mpx-tiny-s"',
-            'model = "continuous"',
-            "program.hand.servo: 'hand' turns continuously: a hand needs angles [wrong-servo-kind]",
-        ),
+        ('model = "mpx-tiny-s"', 'model = "continuous"',
+            "program.hand.servo: 'hand' turns continuously: a hand needs angles [wrong-servo-kind]"),
         ("closed_deg = 110", "closed_deg = 210", "program.hand.closed_deg: hand cannot go to 210°"),
         ('joint = "q5"\nzero_deg = 0', "", "program: no servo turns the joint 'q5'"),
-        (
-            'hand = { servo = "hand", open_deg = 40, closed_deg = 110 }',
-            "",
-            "servo[6]: hand turns no joint of the arm",
-        ),
-        (
-            'joint = "q1"\nzero_deg = 0',
-            'joint = "q1"\nzero_deg = 120',
-            "servo[1].zero_deg: waist cannot bring q1 to its home of 90°: it reaches -60° to 60°",
-        ),
+        ('hand = { servo = "hand", open_deg = 40, closed_deg = 110 }', "",
+            "servo[6]: hand turns no joint of the arm"),
+        ('joint = "q1"\nzero_deg = 0', 'joint = "q1"\nzero_deg = 120',
+            "servo[1].zero_deg: waist cannot bring q1 to its home of 90°: it reaches -60° to 60°"),
         ('name = "rv-m1"', 'name = "omni"', "robot"),
-        (
-            "repeat = true # ",
-            'inputs = ["1=300"]\nrepeat = false # ',
-            "program.inputs[1]: '1=300' is not an input",
-        ),
+        ("repeat = true # ", 'inputs = ["1=300"]\nrepeat = false # ',
+            "program.inputs[1]: '1=300' is not an input"),
         ("repeat = true # ", 'end = "release"\n # ', "program.end: a motion that repeats has no end"),
     ],
-)
+)  # fmt: skip
 def test_what_is_wrong_in_the_job_is_said_with_its_key(
     tmp_path: Path, old: str, new: str, message: str
 ) -> None:
@@ -152,19 +137,12 @@ def test_a_program_without_an_arm_is_refused(tmp_path: Path, robot: str) -> None
     ("speed", "tool", "message"),
     [
         ("speed_deg_s = 9", "z_mm = 1", ""),
-        (
-            "speed_deg_s = 9",
-            "x_mm = 1",
-            "own's tool is not on its approach axis: TL sets a length along it [wrong-robot-kind]",
-        ),
-        (
-            "",
-            "z_mm = 1",
-            "the maximum speed of own's joint turn is not known [no-speed]\n"
-            "  state its speed_deg_s in the robot's file, or bind it to a servo with a known speed",
-        ),
+        ("speed_deg_s = 9", "x_mm = 1",
+            "own's tool is not on its approach axis: TL sets a length along it [wrong-robot-kind]"),
+        ("", "z_mm = 1", "the maximum speed of own's joint turn is not known [no-speed]\n"
+            "  state its speed_deg_s in the robot's file, or bind it to a servo with a known speed"),
     ],
-)
+)  # fmt: skip
 def test_an_arm_that_the_language_cannot_move_is_refused_at_the_program(
     tmp_path: Path, speed: str, tool: str, message: str
 ) -> None:

@@ -107,56 +107,35 @@ def test_via_points_are_passed() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        (
-            'name = "scara"',
-            'name = "scarra"',
-            "9:1: error: robot.name: unknown robot 'scarra' [unknown-robot]\n  did you mean 'scara'?",
-        ),
+        ('name = "scara"', 'name = "scarra"',
+            "9:1: error: robot.name: unknown robot 'scarra' [unknown-robot]\n  did you mean 'scara'?"),
         ('name = "scara"', 'name = "x.toml"', "there is no robot file 'x.toml'"),
         ('joint = "q1"', 'joint = "q9"', "15:1: error: servo[1].joint: the robot has no joint 'q9'"),
         ('joint = "q1"', 'joint = "q2"', "servo[2].joint: two servos turn the joint 'q2'"),
         ('joint = "q1"\n', "", "a position needs an arm"),
-        (
-            "deg_per_mm = 0.9",
-            "ratio = 0.9",
-            "servo[3].joint: the joint 'q3' slides [wrong-unit]\n  give the servo's deg_per_mm",
-        ),
-        (
-            "ratio = 0.75",
-            "deg_per_mm = 1",
-            "servo[1].joint: the joint 'q1' turns [wrong-unit]\n  give the servo's ratio",
-        ),
+        ("deg_per_mm = 0.9", "ratio = 0.9",
+            "servo[3].joint: the joint 'q3' slides [wrong-unit]\n  give the servo's deg_per_mm"),
+        ("ratio = 0.75", "deg_per_mm = 1",
+            "servo[1].joint: the joint 'q1' turns [wrong-unit]\n  give the servo's ratio"),
         ("ratio = 0.75", "ratio = 0", "a joint with a ratio of 0 cannot move"),
         ("ratio = 0.75", "ratio = 3", "needs angles outside the servos' travel"),
-        (
-            "tip_mm = [500",
-            "tip_mm = [900",
-            "motion.poses[1].tip_mm: the point (900.000, 200.000, 450.000) mm",
-        ),
-        (
-            "tip_mm = [500, 200, 450], orientation_deg = [0]",
-            "foot_mm = [500, 200, 450]",
-            "the positions of this robot are given by tip_mm",
-        ),
+        ("tip_mm = [500", "tip_mm = [900",
+            "motion.poses[1].tip_mm: the point (900.000, 200.000, 450.000) mm"),
+        ("tip_mm = [500, 200, 450], orientation_deg = [0]", "foot_mm = [500, 200, 450]",
+            "the positions of this robot are given by tip_mm"),
         ("tip_mm = [500, 200, 450]", "shoulder_deg = 90", "an orientation needs a position"),
         ("orientation_deg = [0]", "orientation_deg = [0, 0]", "motion.poses[1].tip_mm: scara takes roll"),
         ("orientation_deg = [0]", "wrist_deg = 9", "wrist already follows from tip_mm"),
         ('path = "line", hold_s = 0.5', 'path = "arc"', "motion.poses[2].path: an arc needs a point"),
         ('path = "line", hold_s', "through_mm = [1, 2, 3], hold_s", "only an arc goes through a point"),
-        (
-            'path = "line", hold_s',
-            'path = "arc", through_mm = [500, 200, 400], hold_s',
-            "through_mm: the three",
-        ),
+        ('path = "line", hold_s', 'path = "arc", through_mm = [500, 200, 400], hold_s',
+            "through_mm: the three"),
         ('path = "line", hold_s', "via = true, hold_s", "poses[2].hold_s: a via pose has no hold"),
         ('law = "quintic"', 'law = "quintik"', 'motion.law: "quintik" is not allowed here'),
-        (
-            "[motion]",
-            "[leg]\nab_mm=1\nbc_mm=1\ncd_mm=1\ndf_mm=1\nalpha='x'\nbeta='y'\n[motion]",
-            "[leg] is itself a robot",
-        ),
+        ("[motion]", "[leg]\nab_mm=1\nbc_mm=1\ncd_mm=1\ndf_mm=1\nalpha='x'\nbeta='y'\n[motion]",
+            "[leg] is itself a robot"),
     ],
-)
+)  # fmt: skip
 def test_what_is_wrong_with_an_arms_job_is_said(old: str, new: str, says: str) -> None:
     assert says in error_of(changed(SCARA, (old, new)))
 
@@ -244,23 +223,17 @@ def test_one_leg_walks_on_two_servos() -> None:
             "lift_mm = 20\nbody_height_mm = 500",
             "the legs cannot stand 500 mm high and lift their feet by 20 mm [out-of-reach]\n  their feet are",
         ),
-        (
-            "lift_mm = 20",
-            "lift_mm = 20\nrepeat = false",
-            "a route whose last segment has no cycles never ends",
-        ),
+        ("lift_mm = 20", "lift_mm = 20\nrepeat = false",
+            "a route whose last segment has no cycles never ends"),
         ("lift_mm = 20", 'lift_mm = 20\nend = "hold"', "a motion that repeats has no end"),
         ("lift_mm = 20", 'lift_mm = 20\nleg = "L9"', "walk.leg: hexapod has no leg 'L9'"),
         ('joint = "L1_alpha"\n', "", "servo[1]: L1-turn turns no joint of the robot"),
         ('name = "hexapod"', 'name = "omni"', "no robot to which the joint could belong"),
-        (
-            "[walk]",
-            "[motion]\nposes = [{ L1-turn_deg = 90, hold_s = 1 }]\n[walk]",
-            "walk: a job has one of [motion], [walk]",
-        ),
+        ("[walk]", "[motion]\nposes = [{ L1-turn_deg = 90, hold_s = 1 }]\n[walk]",
+            "walk: a job has one of [motion], [walk]"),
         ("per_slot = 2", "per_slot = 1", "the pulses do not fit a frame: 12, 1 at a time"),
     ],
-)
+)  # fmt: skip
 def test_what_is_wrong_with_a_walk_is_said(old: str, new: str, says: str) -> None:
     assert says in error_of(changed(HEXAPOD, (old, new)))
 

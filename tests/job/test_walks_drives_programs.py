@@ -202,23 +202,17 @@ def test_a_servo_that_cannot_carry_the_robot_is_warned_of_with_its_ratio(tmp_pat
     ("text", "said"),
     [
         ("", "walk: a walk needs a route"),
-        (
-            "route = [{ forward_mm = 9 }]\nrepeat = false",
-            "walk.repeat: a route whose last segment has no cycles",
-        ),
-        (
-            "lifts = { L1 = 0 }\nroute = [{ cycles = 1 }]",
-            "walk.lifts: a custom gait also needs a duty factor",
-        ),
+        ("route = [{ forward_mm = 9 }]\nrepeat = false",
+            "walk.repeat: a route whose last segment has no cycles"),
+        ("lifts = { L1 = 0 }\nroute = [{ cycles = 1 }]",
+            "walk.lifts: a custom gait also needs a duty factor"),
         ("duty = 0.5\nroute = [{ cycles = 1 }]", "walk.duty: a custom gait also needs the phase of each leg"),
         ('leg = "L7"\nroute = [{ cycles = 1 }]', "walk.leg: hexapod has no leg 'L7'"),
-        (
-            "commands = { forward_mm = 9 }\nroute = [{ cycles = 1 }]",
-            "walk.route: a walk on command has no route",
-        ),
+        ("commands = { forward_mm = 9 }\nroute = [{ cycles = 1 }]",
+            "walk.route: a walk on command has no route"),
         ("commands = { pin = 'RA4' }", "walk.commands: the walk has no direction"),
     ],
-)
+)  # fmt: skip
 def test_a_walk_that_cannot_be_is_refused(text: str, said: str) -> None:
     with pytest.raises(InputError) as caught:
         walk(text)
@@ -228,23 +222,14 @@ def test_a_walk_that_cannot_be_is_refused(text: str, said: str) -> None:
 @pytest.mark.parametrize(
     ("leg", "legs", "message"),
     [
-        (
-            "",
-            LEGS[:5],
-            "no servo turns the joint 'R3_alpha' [joint-binding]\n  add joint = \"R3_alpha\" to a servo",
-        ),
-        (
-            'leg = "L2"\n',
-            ("L3",),
-            "no servo turns the joint 'L2_alpha' [joint-binding]\n  add joint = \"L2_alpha\" to a servo",
-        ),
-        (
-            'leg = "L2"\n',
-            ("L2", "L3"),
-            "the motion does not move a joint 'L3_alpha' [unknown-joint]\n  did you mean 'L2_alpha'?",
-        ),
+        ("", LEGS[:5],
+            "no servo turns the joint 'R3_alpha' [joint-binding]\n  add joint = \"R3_alpha\" to a servo"),
+        ('leg = "L2"\n', ("L3",),
+            "no servo turns the joint 'L2_alpha' [joint-binding]\n  add joint = \"L2_alpha\" to a servo"),
+        ('leg = "L2"\n', ("L2", "L3"),
+            "the motion does not move a joint 'L3_alpha' [unknown-joint]\n  did you mean 'L2_alpha'?"),
     ],
-)
+)  # fmt: skip
 def test_the_servos_of_a_walk_are_those_of_its_legs(leg: str, legs: tuple[str, ...], message: str) -> None:
     line = len((HEAD + servos("", legs) + "[robot]\nname\n").splitlines()) + 1
     with pytest.raises(InputError) as caught:

@@ -18,28 +18,16 @@ MACROS = "m{this} macro\n m{before}\n m{before}\n endm\n"
 @pytest.mark.parametrize(
     ("source", "says"),
     [
-        pytest.param(
-            doubling("m0 macro\n nop\n endm\n", MACROS) + " m39\n end\n",
-            "steps",
-            id="macros",
-            marks=pytest.mark.campaign,
-        ),
+        pytest.param(doubling("m0 macro\n nop\n endm\n", MACROS) + " m39\n end\n", "steps", id="macros",
+            marks=pytest.mark.campaign),
         pytest.param(doubling("m0 macro\n endm\n", MACROS) + " m39\n end\n", "steps", id="empty macros"),
-        pytest.param(
-            doubling("#define a0 1\n", "#define a{this} a{before}+a{before}\n") + "x equ a39\n end\n",
-            "more than 2000 characters",
-            id="definitions",
-        ),
-        pytest.param(
-            "".join(f"m{n} macro p\n m{n + 1} p p\n endm\n" for n in range(40)) + " m0 xx\n end\n",
-            "more than 2000 characters",
-            id="arguments",
-        ),
-        pytest.param(
-            "".join(f"#define a{n} a{n + 1}\n" for n in range(5000)) + "x equ a0\n end\n",
-            "definitions are nested too deeply",
-            id="a chain of definitions",
-        ),
+        pytest.param(doubling("#define a0 1\n",
+            "#define a{this} a{before}+a{before}\n") + "x equ a39\n end\n", "more than 2000 characters",
+            id="definitions"),
+        pytest.param("".join(f"m{n} macro p\n m{n + 1} p p\n endm\n" for n in range(40)) + " m0 xx\n end\n",
+            "more than 2000 characters", id="arguments"),
+        pytest.param("".join(f"#define a{n} a{n + 1}\n" for n in range(5000)) + "x equ a0\n end\n",
+            "definitions are nested too deeply", id="a chain of definitions"),
         pytest.param(" fill 0, .2000000000\n end\n", "FILL of 2000000000 words", id="fill"),
         pytest.param(" fill (nop), .2000000000\n end\n", "FILL of 2000000000 words", id="fill nop"),
         pytest.param(" res .2000000000\n end\n", "RES of 2000000000 words", id="res"),
@@ -53,7 +41,7 @@ MACROS = "m{this} macro\n m{before}\n m{before}\n endm\n"
             id="a block that is skipped again and again",
         ),
     ],
-)
+)  # fmt: skip
 def test_what_grows_without_end_is_an_error(source: str, says: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The 100 000 steps are counted out for one source; for the others that need them 10 000 are enough."""
     if says == "steps" and " nop\n" not in source:

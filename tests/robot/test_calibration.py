@@ -69,39 +69,27 @@ def test_rms_of_the_residuals_estimates_the_noise() -> None:
         ([(1000, 0), (1000, 1), (1000, 2), (2000, 180)], "error of the line, not 2"),
         ([(1000, 90), (1500, 90), (2000, 90)], "did not move"),
         ([(1000, 0), (1500, math.nan), (2000, 180)], r"reading 2 \(nan° at 1500 µs\) is not a number"),
-        (
-            [(1000, 0), (1200, 50), (1400, 40), (2000, 180)],
-            r"reading 3 \(40° at 1400 µs\) does not rise from reading 2 \(50° at 1200 µs\)",
-        ),
-        (
-            [(1000, 180), (1300, 180), (1600, 40), (2000, 0)],
-            r"reading 2 \(180° at 1300 µs\) does not fall from reading 1",
-        ),
-        (
-            [(1000, 0), (1250, 45), (1500, 60), (1750, 135), (2000, 180)],
-            r"reading 3 \(60° at 1500 µs\) is 30.0° off the line of the others",
-        ),
-        (
-            [(1000, 0), (1250, 54), (1500, 90), (1750, 135), (2000, 180)],
-            r"reading 2 \(54° at 1250 µs\) is 9.0° off the line of the others",
-        ),
+        ([(1000, 0), (1200, 50), (1400, 40), (2000, 180)],
+            r"reading 3 \(40° at 1400 µs\) does not rise from reading 2 \(50° at 1200 µs\)"),
+        ([(1000, 180), (1300, 180), (1600, 40), (2000, 0)],
+            r"reading 2 \(180° at 1300 µs\) does not fall from reading 1"),
+        ([(1000, 0), (1250, 45), (1500, 60), (1750, 135), (2000, 180)],
+            r"reading 3 \(60° at 1500 µs\) is 30.0° off the line of the others"),
+        ([(1000, 0), (1250, 54), (1500, 90), (1750, 135), (2000, 180)],
+            r"reading 2 \(54° at 1250 µs\) is 9.0° off the line of the others"),
         (
             [(1000, 90), (1500, 90), (2000, 90), (2500, 150)],
             r"reading 2 \(90° at 1500 µs\) does not rise from reading 1 \(90° at 1000 µs\), as the others do",
         ),
-        (
-            [(1000, 0), (1500, 20), (2000, 0)],
-            r"reading 3 \(0° at 2000 µs\) does not rise from reading 2 \(20° at 1500 µs\)",
-        ),
-        (
-            [(1000, 90), (1500, 91), (2000, 90)],
-            r"hardly moved: by 0\.0° over all widths, and reading 2 \(91° at 1500 µs\) is 0\.7° off",
-        ),
+        ([(1000, 0), (1500, 20), (2000, 0)],
+            r"reading 3 \(0° at 2000 µs\) does not rise from reading 2 \(20° at 1500 µs\)"),
+        ([(1000, 90), (1500, 91), (2000, 90)],
+            r"hardly moved: by 0\.0° over all widths, and reading 2 \(91° at 1500 µs\) is 0\.7° off"),
         ([(1000, 0), (1500, 1), (2000, 0)], "the servo hardly moved"),
         ([(1000, 0.0), (1200, 1.0), (1400, 0.1), (1600, 0.5)], "the servo hardly moved: by 0"),
         ([(w, (w - 1000) ** 2 / 5555) for w in (1000, 1250, 1500, 1750, 2000)], "not on a straight line"),
     ],
-)
+)  # fmt: skip
 def test_bad_readings_are_named(pairs: list[tuple[float, float]], said: str) -> None:
     with pytest.raises(InputError, match=said):
         fit(readings_of(pairs))
