@@ -7,8 +7,6 @@ from servogen.errors import InputError
 from servogen.kinematics import hexapod as h
 from servogen.kinematics.catalogue import robot
 from servogen.kinematics.hexapod import Hexapod
-from servogen.kinematics.inverse.unreachable import Unreachable
-from servogen.kinematics.leg import Leg
 from servogen.kinematics.transforms import mount_matrix, to_body, to_leg
 from servogen.robot.model import Mount
 
@@ -32,20 +30,6 @@ def test_left_feet_are_on_the_left_and_all_hang_down() -> None:
 def test_a_positive_alpha_takes_every_foot_backwards() -> None:
     before, after = (h.feet(ROBOT, np.broadcast_to([alpha, 0.0], (6, 2))) for alpha in (0.0, 0.2))
     assert (after[:, 0] < before[:, 0]).all()
-
-
-def test_feet_come_back_from_their_angles() -> None:
-    angles = np.random.default_rng(11).uniform(-1.2, 1.2, (50, 6, 2))
-    feet = h.feet(ROBOT, angles)
-    leg = Leg.of(ROBOT.leg.length)
-    found = np.stack(
-        [leg.ik(to_leg(mount, feet[:, index])) for index, mount in enumerate(ROBOT.mounts)], axis=1
-    )
-    assert found.shape == (50, 6, 2, 2)
-    for side in (0, 1):
-        np.testing.assert_allclose(h.feet(ROBOT, found[..., side, :]), feet, atol=1e-9)
-    with pytest.raises(Unreachable):
-        leg.ik(feet[:, 0] + 1.0)
 
 
 @pytest.mark.parametrize("mirrored", [False, True])

@@ -10,13 +10,11 @@ import pytest
 import servogen
 from servogen.errors import InputError
 from servogen.kinematics import queries as q
-from servogen.kinematics.arm import length_text
 from servogen.kinematics.catalogue import arm, names
 from servogen.kinematics.forward import fk_position
 from servogen.kinematics.inverse.configuration import configuration_of
 from servogen.kinematics.inverse.unreachable import Unreachable
 from servogen.kinematics.transforms import parse
-from servogen.robot.model import Length
 
 ROBOTS = Path(servogen.__file__).parent / "robot" / "catalogue" / "robots"
 
@@ -33,20 +31,6 @@ def test_the_worked_product_of_three_transforms() -> None:
 )
 def test_other_ways_to_write_the_same(text: str) -> None:
     np.testing.assert_array_equal(parse(text), parse("Ry(30) Tx(50) Rz(60)"))
-
-
-@pytest.mark.parametrize(
-    ("text", "column"),
-    [
-        ("Ry(30) Qx(5)", 8), ("Ry(30", 1), ("Ry(30) Tx(a)", 8), ("Trans(1,2)", 1), ("Rx(30) )", 8),
-        ("Rx(inf)", 1),
-    ],
-)  # fmt: skip
-def test_what_is_no_transform_is_refused_with_its_column(text: str, column: int) -> None:
-    with pytest.raises(InputError, match=f"column {column}") as caught:
-        parse(text)
-    assert caught.value.location is not None
-    assert caught.value.location.column == column
 
 
 def test_no_transform_at_all_is_refused() -> None:
@@ -179,12 +163,6 @@ def test_robots_without_joints_are_refused_by_name() -> None:
         q.ik_answer("hexapod", (1, 2, 3))
     with pytest.raises(InputError, match=r"unknown robot 'skara'[\s\S]*did you mean 'scara'"):
         q.fk_answer("skara", (1, 2, 3))
-
-
-def test_lengths_read_as_they_are_written() -> None:
-    assert length_text(Length((("l2", 1.0), ("l3", -1.0)))) == "l2 - l3"
-    assert length_text(Length((("l2", -1.0),), 0.04)) == "-l2 + 40 mm"
-    assert length_text(Length()) == "0 mm"
 
 
 def test_the_speed_of_the_omni_base_is_the_three_equations() -> None:

@@ -73,22 +73,6 @@ def test_the_wheels_turn_as_far_as_the_way_needs() -> None:
     assert turned * 0.040 == pytest.approx([0.5 * sin(pi / 3), 0, -0.5 * sin(pi / 3)])
 
 
-def test_the_time_is_the_way_over_the_speed_in_whole_frames() -> None:
-    assert driven((routine(BASE, 0, 0.3),), 0.1).frames == (150,)
-    assert driven((routine(BASE, 0, 0.3001),), 0.1).frames == (151,)
-
-
-@pytest.mark.parametrize("options", [{"pause_s": Fraction(10)}, {"ramp_s": Fraction(10)}], ids=str)
-def test_pauses_and_ramps_count_towards_the_longest_drive(
-    options: dict[str, Fraction], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """0.3 m at 0.1 m/s are 150 frames; a pause of 10 s is 500 more, two ramps of 10 s are 1000 more."""
-    monkeypatch.setattr("servogen.motion.drive.MAX_FRAMES", 640)
-    with pytest.raises(InputError, match="more than 640 frames"):
-        driven((routine(BASE, 0, 0.3),), **options)
-    assert len(driven((routine(BASE, 0, 0.3),), pause_s=Fraction(9)).trajectory.angles) == 600
-
-
 def test_other_directions_and_negative_distances_are_no_routine() -> None:
     with pytest.raises(InputError, match=r"90° is not one of the six directions"):
         routine(BASE, 90, 0.1)
@@ -170,19 +154,6 @@ def test_a_stretch_shorter_than_its_ramps_is_still_the_way() -> None:
     made = driven((routine(BASE, 0, 0.002),), ramp_s=Fraction(1, 5))
     assert end(made) == pytest.approx((0.002, 0, 0), abs=1e-12)
     assert np.hypot(*np.diff(positions(BASE, made.trajectory.angles, 0.02)[:, :2], axis=0).T).max() <= 0.002
-
-
-def test_pauses_stop_the_wheels_between_the_stretches() -> None:
-    made = driven(contour(BASE, POLYGONS["triangle"]), pause_s=Fraction(1, 10))
-    still = (made.trajectory.angles == 0).all(axis=1)
-    assert still.sum() == 15
-    assert still[-5:].all()
-
-
-def test_without_repeat_the_wheels_stop_for_ever_at_the_end() -> None:
-    trajectory = driven((routine(BASE, 0, 0.1),), repeat=False).trajectory
-    assert trajectory.loop_start == len(trajectory.angles) - 1
-    assert (trajectory.angles[-1] == 0).all()
 
 
 def test_a_drive_without_end_is_refused() -> None:

@@ -155,7 +155,6 @@ def test_where_code_leads_and_what_it_changes_and_reads() -> None:
     }  # fmt: skip
     # Neither skips, calls, jumps nor returns.
     assert program.plain == {6, 8, 11}
-    assert program._counters(0) == {W, CARRY, ZERO, FSR, 0x20, 0x31}
 
 
 def test_a_write_through_a_pointer_changes_any_byte() -> None:
