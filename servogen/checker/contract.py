@@ -12,7 +12,7 @@ no other state is left, these runs are all runs. So a hint that is wrong ends in
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from hashlib import blake2b
@@ -61,6 +61,10 @@ class Hints:
     """The pins of the contract that the program does not drive, as a word."""
 
 
+class _Dark(NotCovered):
+    """An output has a level that is not known, for longer than it counts as low."""
+
+
 class ContractChecker:
     """Runs the chip from power-up beside one watch after the other."""
 
@@ -77,10 +81,20 @@ class ContractChecker:
         self.stops = self.cycles = self.forks = 0
 
     def follow(self, watch: ClauseWatch) -> None:
-        """Follow every chip from power-up on every way. Raises Refused."""
+        """Follow every chip from power-up on every way. Raises Refused.
+
+        Where the level of an output is not known for too long, again for each level of the latches.
+        """
+        try:
+            self._follow(watch, 0)
+        except _Dark:
+            self._follow(watch, watch.pins)
+
+    def _follow(self, watch: ClauseWatch, told: int) -> None:
+        """Follow every chip, those apart whose latches of the pins `told` differ."""
         board = self._board._replace(channels=watch.pins, buttons=watch.asks)
         known: dict[bytes, list[Numbers]] = defaultdict(list)
-        todo, driven = [(chip.after_reset(layout.WATCHES), watch.start())], 0
+        todo, driven = [(s, watch.start()) for s in _after_reset(told)], 0
         while todo:
             s, state = todo.pop()
             if not self._is_new(s, *watch.split(state), known):
@@ -137,7 +151,7 @@ class ContractChecker:
             return [(its, read(state, level)) for level, its in enumerate(ways)]
         if why not in (layout.MAY_INTERRUPT, layout.MAY_BE_WRITTEN, layout.SLEEPS):
             if why in UNCOVERED:
-                raise NotCovered(layout.REASONS[why], where)
+                raise (_Dark if why == layout.DARK_PIN else NotCovered)(layout.REASONS[why], where)
             raise Refused(f"{where}: {layout.REASONS[why]}")
         if watch.reads and (why == layout.SLEEPS or (why == layout.MAY_INTERRUPT and bits & ASYNCHRONOUS)):
             raise NotCovered("an input of a program that something other than TMR0 interrupts", where)
@@ -160,6 +174,19 @@ class ContractChecker:
                 s[layout.INTCON] = s[layout.INTCON] & ~free | free << 8
             else:
                 s[FORGOTTEN[name]] = layout.UNKNOWN
+
+
+def _after_reset(told: int) -> Iterator[Ints]:
+    """Yield the chip after a reset, once for each level of the latches of the pins `told`."""
+    high = 0
+    while True:
+        s = chip.after_reset(layout.WATCHES)
+        for slot, shift, used in ((layout.PORTA, 0, 0x1F), (layout.PORTB, 5, 0xFF)):
+            s[slot] = s[slot] & ~((told >> shift & used) << 8) | high >> shift & used
+        yield s
+        high = (high - told) & told  # the next of the subsets
+        if not high:
+            return
 
 
 def _names(pins: int) -> str:

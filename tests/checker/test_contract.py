@@ -27,6 +27,7 @@ from tests.prove.test_contract_proofs import (
     READING,
     TICK,
     UNASKED,
+    UNWRITTEN,
     WAVE,
     answer,
     image,
@@ -35,6 +36,9 @@ from tests.prove.test_contract_proofs import (
 TICKS = '[[pulse]]\npin = "RB0"\nhigh_us = [249, 251]\nperiod_us = [498, 502]\n'
 FIRST = '[[every]]\nevent = "RB3 rises"\nfirst_us = [{}, {}]\n'
 LEVELS = '[[pulse]]\npin = "RB3"\nhigh_us = [10]\nlow_us = [0, {}]\n'
+WHOLE = '[[pulse]]\npin = "RB3"\nhigh_us = [{}, {}]\n'
+BESIDE = [WHOLE.format(155, 155), WHOLE.format(154, 154)]
+"""The pulse of a latch that is set begins with CLRF TRISB, a cycle nearer to XORWF than the XORWF before."""
 SOON = '[[response]]\nwhen = "RB0 falls"\nthen = "RB4 rises"\nwithin_us = [{}, 2000]\n'
 
 
@@ -65,6 +69,7 @@ def hints(program: Image, contract: str) -> Hints:
         (TICK.format(reload=9), TICKS, TICK.format(reload=7), [TICKS.replace("251]", "249]")]),
         (READING, LEVELS.format(310), READING.replace(".50", ".62"), [LEVELS.format(254)]),
         (UNASKED.format(read="btfss PORTB, 0"), SOON.format(0), UNASKED.format(read="nop"), [SOON.format(5)]),
+        (UNWRITTEN, WHOLE.format(154, 155), UNWRITTEN.replace("xorwf", "nop\n xorwf"), BESIDE),
     ],
     ids=[
         "an input's answer",
@@ -74,6 +79,7 @@ def hints(program: Image, contract: str) -> Hints:
         "TMR0's interrupt",
         "reads meanwhile",
         "an unasked answer",
+        "an unwritten latch",
     ],
 )
 def test_what_is_proven_is_seen_and_a_cycle_beside_it_is_not(
@@ -103,6 +109,8 @@ AGAIN = """
 """
 """RB1 becomes an output for the second time with the level that BSF has read, whatever it was."""
 ASLEEP = """
+        clrf    PORTA
+        clrf    {port}
         bsf     STATUS, RP0
         bcf     TRISB, 1
         bcf     STATUS, RP0
@@ -110,7 +118,7 @@ ASLEEP = """
         bcf     PORTB, 1
         goto    $
 """
-"""RB1 is an output whose level is not known for two cycles, and for any number of them in SLEEP."""
+"""RB1 is an output for two cycles, and for any number of them in SLEEP, before its first write."""
 HIGH_TOGETHER = '[[never]]\ncondition = "RB1 high and RB3 high"\n'
 
 
@@ -119,7 +127,6 @@ HIGH_TOGETHER = '[[never]]\ncondition = "RB1 high and RB3 high"\n'
     [
         (DRIVES, answer(2, 6), "RB0 is driven"),
         (AGAIN, HIGH_TOGETHER, "a pin whose level is unknown"),
-        (ASLEEP, HIGH_TOGETHER.replace(" and RB3 high", ""), "a pin whose level is unknown"),
         (WAVE, '[[count]]\nevent = "RB3 rises"\ntimes = [0, 9]\nwindow_us = 1000\n', "[[count]]"),
         (WAVE, PULSE + "duty_percent = [5, 15]\n", "duty_percent"),
         (WAVE, PULSE + "another_us = [5, 15]\n", "what it cannot read"),
@@ -129,7 +136,6 @@ HIGH_TOGETHER = '[[never]]\ncondition = "RB1 high and RB3 high"\n'
     ids=[
         "an input is driven",
         "a latch is lost",
-        "a latch asleep",
         "count",
         "duty",
         "unknown key",
@@ -141,6 +147,13 @@ def test_what_it_does_not_cover_is_said(program: str, contract: str, what: str) 
     """An input that is an output for two cycles only, too."""
     with pytest.raises(NotCovered, match=re.escape(what)):
         check_contract(image(program.format(delay="", turns=10)), contract, CLOCK, Hints({}, 1 << 5))
+
+
+def test_a_latch_that_is_not_written_before_sleep_has_either_level() -> None:
+    low = HIGH_TOGETHER.replace(" and RB3 high", "")
+    assert check_contract(image(ASLEEP.format(port="PORTB")), low, CLOCK, Hints({}, 0)).states
+    with pytest.raises(Refused, match=r"RB1 high: at address 0x.*: more than 0 cycles"):
+        check_contract(image(ASLEEP.format(port="0x20")), low, CLOCK, Hints({}, 0))
 
 
 def test_a_number_too_small_to_count_is_read_at_once() -> None:
