@@ -168,14 +168,15 @@ def judge_contract(
 ) -> ContractVerdict:
     """Return the verdict on the levels of all pins; `from_reset`: whether cycle 0 is that after a reset.
 
-    In a recording of a program that runs already, the edges at cycle 0 are the levels that it begins with.
+    The levels at cycle 0 are those that it begins with: no instruction has changed a pin by then, and what is
+    outside has not changed one since.
     """
     watches = [Watch(clause, from_reset) for clause in clauses]
     cycle = levels = 0
     for moment, after in _moments(trace.chunks):
         if moment >= trace.end:
             break
-        if not (moment == 0 and not from_reset):
+        if moment > 0:
             watched = levels ^ after
             for watch in watches:
                 # An observer sees only its own pins; the time of all others is added up by the next wait.

@@ -146,14 +146,16 @@ def unscheduled_edges(
     clock_hz: int | None,
     options: SimulatorOptions,
     wires: Mapping[str, str] | None = None,
+    stimulus: Path | None = None,
 ) -> EdgeTrace:
-    """Return the edges of the program in a file, or those that it holds, without a schedule, by default for
-    `MEASURED_SECONDS` or up to the file's end.
+    """Return the edges of the program in a file, with what drives its inputs, or those that it holds, without
+    a schedule, by default for `MEASURED_SECONDS` or up to the file's end.
     """
     clock = clock_of(program, clock_hz)
     if program is not None:
         span = clock.round_seconds(MEASURED_SECONDS if seconds is None else seconds)
-        return EdgeTrace(clock, Machine(program.image, clock, options).stream(span), span)
+        driven = load_stimuli(stimulus, clock) if stimulus else None
+        return EdgeTrace(clock, Machine(program.image, clock, options, driven).stream(span), span)
     end = None if seconds is None else clock.round_seconds(seconds)
     return read_recording(file, clock, end, wires).stored()
 

@@ -146,11 +146,30 @@ def test_what_is_never_seen_is_not_kept_and_passes_only_as_partial() -> None:
     assert "not all of it was seen" in next(verdict.lines())
 
 
-def test_a_recording_begins_with_levels_and_not_with_edges() -> None:
+def test_a_run_and_a_recording_begin_with_levels_and_not_with_edges() -> None:
     text = '[[pulse]]\npin = "RB3"\nhigh_us = [5, 9]\n'
     changes = [(0, "RB3", 1), (2, "RB3", 0), *pulses("RB3", (10, 17))]
-    assert only(text, changes, 30, from_reset=False).word == "kept"
-    assert only(text, changes, 30).word == "violated"
+    for from_reset in (False, True):
+        assert only(text, changes, 30, from_reset).word == "kept"
+        later = [(cycle + 1, pin, level) for cycle, pin, level in changes]
+        assert only(text, later, 31, from_reset).word == "violated"
+
+
+@pytest.mark.parametrize(("level", "moves"), [(1, "rises"), (0, "falls")])
+def test_the_level_of_an_input_at_reset_is_no_event(level: int, moves: str) -> None:
+    """A button that is held down while the chip is reset has not been pressed."""
+    text = f'[[response]]\nwhen = "RB0 {moves}"\nthen = "RB4 rises"\nwithin_us = [0, 20]\n'
+    held = only(text, [(0, "RB0", level)], 60)
+    assert (held.seen, held.breaches) == (0, 0)
+    moved = only(text, [(0, "RB0", 1 - level), (1, "RB0", level)], 60)
+    assert (moved.seen, moved.breaches) == (1, 1)
+
+
+def test_a_level_at_reset_counts_as_a_level() -> None:
+    text = '[[never]]\ncondition = "RB1 high"\nlonger_us = 3\n'
+    assert only(text, [(0, "RB1", 1), (3, "RB1", 0)], 9).word == "kept"
+    broken = only(text, [(0, "RB1", 1), (4, "RB1", 0)], 9)
+    assert broken.first is not None and broken.first.cycle == 3
 
 
 def test_an_event_may_stand_in_a_turn_twice() -> None:
@@ -227,7 +246,7 @@ def levels_of(changes: Changes, pin: str, end: int) -> list[int]:
 
 
 def rises(levels: list[int]) -> list[int]:
-    return [n for n in range(len(levels)) if levels[n] and (n == 0 or not levels[n - 1])]
+    return [n for n in range(1, len(levels)) if levels[n] and not levels[n - 1]]
 
 
 def kept_by_definition(kind: str, b1: list[int], b2: list[int], least: int, most: int, end: int) -> bool:
