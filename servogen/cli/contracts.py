@@ -13,7 +13,6 @@ from servogen.cli.files import check_outputs, read_program
 from servogen.cli.schedule_proof import NOT_PROVEN, PROVEN, Over
 from servogen.cli.show import as_json, print_lines, status
 from servogen.contract import Contract, ContractVerdict, load_contract, parse_contract
-from servogen.errors import InputError, Location
 from servogen.outputs import write_text
 from servogen.programs import chip_of
 from servogen.prove.contract import MAX_STATES, ContractProof, prove_contract
@@ -23,7 +22,7 @@ from servogen.toml.file import read_text
 from servogen.units import Clock, counted
 from servogen.workflows.certificates import Witnessed, contract_witness
 from servogen.workflows.contracts import contract_clock, judge_program, judge_recording
-from servogen.workflows.signals import is_program, refuse_chip_options
+from servogen.workflows.signals import is_program, refuse_chip_options, refuse_for_recording
 
 if TYPE_CHECKING:
     from servogen.answers import ContractProofAnswer
@@ -73,13 +72,7 @@ def _judged_recording(request: ContractRequest, contract: Contract) -> ContractV
     if request.device is not None or request.chip.given:
         refuse_chip_options(request.file)
     for key, given in (("--stimulus", request.stimulus), ("--seconds", request.seconds)):
-        if given is not None:
-            raise InputError(
-                "conflicting-options",
-                "a recording holds what was, from its beginning to its end",
-                Location(str(request.file), key=key),
-                f"omit {key}",
-            )
+        refuse_for_recording(request.file, key, given)
     clock = contract_clock(contract, None, request.clock_hz)
     return judge_recording(contract, request.file, clock, request.wires)
 

@@ -350,12 +350,13 @@ class MeasuredFiles:
             built_for = device or (program.device if program else None)
             write_text(self.schedule, measured_schedule(trace, str(file), servos, built_for).json_text())
 
-    def next_steps(self, file: Path) -> Iterator[str]:
+    def next_steps(self, file: Path, stimulus: Path | None) -> Iterator[str]:
         """Yield what can be done with them."""
         if self.schedule is not None:
             yield next_step("prove" if is_program(file) else "verify", file, "--against", self.schedule)
         if self.contract is not None:
-            yield next_step("verify", file, "--contract", self.contract)
+            driven = ("--stimulus", stimulus) if stimulus else ()
+            yield next_step("verify", file, "--contract", self.contract, *driven)
 
 
 def measure(
@@ -371,19 +372,20 @@ def measure(
     ] = None,
     clock_hz: ClockHz = None,
     wire: RecordedWires = None,
+    stimulus: StimulusFile = None,
     device: OwnDevice = None,
     json: Json = False,
 ) -> None:
     """Measure the pulses of a program (default: for 20 s) or of recorded edges, and warn about
     suspicious ones.
     """
-    check_outputs([file], files.schedule, files.contract)
+    check_outputs([path for path in (file, stimulus) if path], files.schedule, files.contract)
     models = servos_named(servo or [])
     if device is not None or chip.given:
         refuse_chip_options(file)
     program = read_program(file, device) if is_program(file) else None
     board = chip.on(chip_of(program, device))
-    trace = unscheduled_edges(file, program, seconds, clock_hz, board, wires_for(file, wire))
+    trace = unscheduled_edges(file, program, seconds, clock_hz, board, wires_for(file, wire), stimulus)
     if files.wanted:
         trace = trace.stored()
         files.write(trace, file, program, {pin: model.name for pin, model in models.items()}, device)
@@ -395,7 +397,7 @@ def measure(
         as_json(measurement.to_json(), warnings)
         return
     print_lines(measurement_lines(measurement))
-    for line in files.next_steps(file):
+    for line in files.next_steps(file, stimulus):
         print(line)
     warn_of_all(warnings)
 

@@ -18,7 +18,7 @@ from servogen.pulse import PulseSchedule
 from servogen.pulse.lint import check_measured, check_periods, check_unknown
 from servogen.robot.servo import ServoModel, servo
 from servogen.robot.servo_models import servo_model
-from servogen.simulator import Machine, SimulatorOptions
+from servogen.simulator import Machine, SimulatorOptions, load_stimuli
 from servogen.traces import SUFFIXES
 from servogen.traces.captures import SUFFIXES as CAPTURE_SUFFIXES
 from servogen.traces.captures import read_recording
@@ -124,6 +124,17 @@ def refuse_chip_options(file: Path) -> None:
         )
 
 
+def refuse_for_recording(file: Path, key: str, given: object) -> None:
+    """Raise InputError if an option is given for a recording whose value it already holds."""
+    if given is not None:
+        raise InputError(
+            "conflicting-options",
+            "a recording holds what was, from its beginning to its end",
+            Location(str(file), key=key),
+            f"omit {key}",
+        )
+
+
 def scheduled_edges(
     file: Path,
     schedule: PulseSchedule,
@@ -156,6 +167,7 @@ def unscheduled_edges(
         span = clock.round_seconds(MEASURED_SECONDS if seconds is None else seconds)
         driven = load_stimuli(stimulus, clock) if stimulus else None
         return EdgeTrace(clock, Machine(program.image, clock, options, driven).stream(span), span)
+    refuse_for_recording(file, "--stimulus", stimulus)
     end = None if seconds is None else clock.round_seconds(seconds)
     return read_recording(file, clock, end, wires).stored()
 

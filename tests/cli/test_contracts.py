@@ -59,6 +59,21 @@ def test_a_stimulus_drives_the_inputs_and_without_one_nothing_is_seen(files: Pat
     assert run(*words, "--partial").code == 0
 
 
+def test_a_contract_is_proposed_by_a_run_with_a_stimulus(files: Path, run: Run) -> None:
+    """RB4 rises only if RB0 falls: 400 µs later RB0 rises, and RB4 falls a few cycles after that."""
+    press = '[[level]]\npin = "RB0"\nat_us = [0, 500, {}, 1300, 1700]\nlevel = [1, 0, 1, 0, 1]\n'
+    (files / "press.toml").write_text(press.format(900))
+    (files / "longer.toml").write_text(press.format(910))
+    words = ["--seconds", "0.01", "--stimulus", "press.toml"]
+    assert run("measure", "answer.asm", "--contract", "seen.toml", "--seconds", "0.01").code == 2
+    proposed = run("measure", "answer.asm", "--contract", "seen.toml", *words)
+    step = "next: servogen verify answer.asm --contract seen.toml --stimulus press.toml"
+    assert proposed.code == 0 and proposed.out.splitlines()[-1] == step
+    assert run(*step.split()[2:], "--seconds", "0.01").code == 0
+    longer = run("verify", "answer.asm", "--contract", "seen.toml", *words[:-1], "longer.toml")
+    assert longer.code == 1 and longer.out.startswith("violated")
+
+
 def test_a_recording_of_the_run_is_judged_like_the_run(files: Path, run: Run) -> None:
     for name, code in (("wave", 0), ("late", 1)):
         assert run("simulate", f"{name}.asm", "--seconds", "0.1", "--edges", f"{name}.csv").code == 0
@@ -98,4 +113,6 @@ def test_what_does_not_go_together_is_refused(files: Path, run: Run) -> None:
         assert refused.code == 2 and options[0] in refused.err
     (files / "edges.csv").write_text("cycle,pin,level\n0,RB3,1\n")
     refused = run("verify", "edges.csv", "--contract", "wave.toml", "--stimulus", "s.toml")
+    assert refused.code == 2 and "omit --stimulus" in refused.err
+    refused = run("measure", "edges.csv", "--stimulus", "s.toml")
     assert refused.code == 2 and "omit --stimulus" in refused.err
