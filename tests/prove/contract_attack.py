@@ -3,10 +3,11 @@
     python -m tests.prove.contract_attack --mutants 300 --seed 7               # prints a line for each
     python -m tests.prove.contract_attack --mutants 300 --seed 7 --first 8120  # goes on after number 8119
 
-One bit of a program that keeps its contract is changed. A mutant that still keeps it in a plain run, and
-breaks it under random inputs, RAM or phases of TMR0, is given to the prover, and to the checker with the
-hints of the right program. What is broken is judged here, from the edges alone: the observers of the prover
-have no part in it. Exit code 1 if anything is proven, or accepted.
+One bit of a program that keeps its contract is changed, or one word becomes one of `DISTURBANCES`. A mutant
+that still keeps it in a plain run, and breaks it under random inputs, RAM, watchdogs or phases of TMR0, is
+given to the prover, and to the checker with the hints of the right program. What is broken is judged here,
+from the edges alone: the observers of the prover have no part in it. Exit code 1 if anything is proven, or
+accepted.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from servogen.prove.contract import MAX_STATES, ContractProof, prove_contract
 from servogen.simulator import Levels, SimulatorOptions, Stimuli
 from servogen.simulator.pin_levels import pin_trace
 from servogen.units import Clock, Cycles
-from tests.prove.test_contract_proofs import ANSWER, BRIDGE, NEVER, TICK, WAVE, answer, image
+from tests.prove.test_contract_proofs import ANSWER, BRIDGE, NEVER, POLLED, TICK, WAVE, answer, image
 from tests.testing.page import PROGRAMS
 
 CLOCK = Clock(4_000_000)
@@ -39,6 +40,12 @@ CI = Path(__file__).parent.parent.parent / "docs" / "examples" / "ci"
 Edges = list[tuple[int, int]]
 """(cycle, level) of one pin, alternating, from low on."""
 Waves = dict[str, Edges]
+DISTURBANCES = (
+    *(0x0063, 0x0064),  # SLEEP, CLRWDT
+    *(0x0081, 0x0181, 0x0A81, 0x1181, 0x1581),  # MOVWF, CLRF, INCF, BCF 3 and BSF 3 of TMR0, or OPTION_REG
+    *(0x110B, 0x150B, 0x138B, 0x178B),  # BCF and BSF of T0IF and of GIE
+)
+"""What may take a word's place: SLEEP, the watchdog, TMR0 and its prescaler, its flag and interrupt."""
 GLITCH = 10
 """Cycles that a pin may be high while it becomes an output (docs/contracts.md)."""
 
@@ -53,6 +60,17 @@ def pulses(pin: str, high: tuple[int, int], period: tuple[int, int]) -> Callable
         return all(high[0] <= each <= high[1] for each in widths) and all(
             period[0] <= b - a <= period[1] for a, b in pairwise(rises)
         )
+
+    return kept
+
+
+def gaps(pin: str, least: int, most: int) -> Callable[[Waves], bool]:
+    """Return a judge of the times between changes, in cycles, and of the last one's to the end."""
+
+    def kept(waves: Waves) -> bool:
+        moments = [cycle for cycle, _ in waves[pin]]
+        last = waves["end"][0][0] - moments[-1] if moments else 0
+        return last <= most and all(least <= b - a <= most for a, b in pairwise(moments))
 
     return kept
 
@@ -111,6 +129,7 @@ def compiled(name: str) -> Image:
 
 
 pulse = '[[pulse]]\npin = "{}"\nhigh_us = [{}, {}]\nperiod_us = [{}, {}]\n'.format
+every = '[[every]]\nevent = "{} changes"\ngap_us = [{}]\n'.format
 
 
 def short_subjects() -> list[Subject]:
@@ -123,6 +142,12 @@ def short_subjects() -> list[Subject]:
                 pulses("RB3", (32, 32), (336, 336))),
         Subject("tick", image(TICK.format(reload=9)), pulse("RB0", 249, 251, 498, 502),
                 pulses("RB0", (249, 251), (498, 502)), cycles=20_000),
+        Subject("polled", image(POLLED), every("RB1", "0, 1028"), gaps("RB1", 0, 1028)),
+        Subject("fed", image(FED, "_WDT_ON"), every("RB7", "1000, 11_000"), gaps("RB7", 1000, 11_000),
+                ("RA1",), cycles=120_000),
+        Subject("asleep", image(ASLEEP, "_WDT_ON"),
+                '[[pulse]]\npin = "RB1"\nhigh_us = [17, 17]\nlow_us = [60]\n',
+                pulses("RB1", (17, 17), (77, 10**9)), ("RB0",)),
         Subject("two lamps", image(LAMPS), '[[never]]\ncondition = "RB1 high and RB3 high"\n',
                 never(("RB1", "RB3")), ("RA1", "RA2")),
     ]  # fmt: skip
@@ -165,12 +190,60 @@ loop    btfsc   PORTA, 1
 """
 
 
+FED = """
+        clrf    PORTB
+        bsf     STATUS, RP0
+        bcf     TRISB, 7
+        movlw   0xC9
+        movwf   OPTION_REG
+        bcf     STATUS, RP0
+loop    clrwdt
+        movlw   0x80
+        xorwf   PORTB, f
+        movlw   .13
+        btfsc   PORTA, 1
+        movlw   .2
+        movwf   0x20
+        clrf    0x21
+work    decfsz  0x21, f
+        goto    work
+        decfsz  0x20, f
+        goto    work
+        goto    loop
+"""
+"""The watchdog is fed after 13 * 770 cycles, or 2 * 770; as PS is 1, it times out after 14 ms or more."""
+ASLEEP = """
+        clrf    PORTB
+        bsf     STATUS, RP0
+        bcf     TRISB, 1
+        bcf     STATUS, RP0
+        movlw   0x10
+        movwf   INTCON
+loop    clrwdt
+        bcf     INTCON, INTF
+        sleep
+        bsf     PORTB, 1
+        movlw   .5
+        movwf   0x20
+up      decfsz  0x20, f
+        goto    up
+        bcf     PORTB, 1
+        movlw   .20
+        movwf   0x20
+down    decfsz  0x20, f
+        goto    down
+        goto    loop
+"""
+"""INT ends SLEEP, or the watchdog. High: 1 + 1 + 3 * 5 - 1 + 1 cycles; low: 61 or more."""
+
+
 def waves(subject: Subject, program: Image, rng: random.Random | None) -> Waves:
     """Run a program: plainly, or with random inputs, start values and phase."""
-    options, sources, inputs = SimulatorOptions(), [], Waves()
+    options, sources = SimulatorOptions(), []
     if rng is not None:
         seed = rng.choice((None, rng.randrange(1 << 20)))
-        options = replace(options, start_seed=seed, tmr0_phase=rng.randrange(4))
+        watchdog_us = rng.choice((7000, 33_000, rng.randrange(7000, 33_000)))
+        options = replace(options, start_seed=seed, tmr0_phase=rng.randrange(4), watchdog_us=watchdog_us)
         for pin in subject.inputs:
             cycle, level, changes = 0, rng.randrange(2), []
             while cycle < subject.cycles:
@@ -178,15 +251,20 @@ def waves(subject: Subject, program: Image, rng: random.Random | None) -> Waves:
                 cycle += subject.hold + rng.randrange(subject.hold * rng.choice((1, 3, 9)))
                 level ^= 1
             sources.append(Levels(PINS.index(pin), changes))
-            inputs[pin] = [(int(at), to) for at, to in changes]
     trace = pin_trace(program, CLOCK, Cycles(subject.cycles), options, Stimuli(sources) if sources else None)
-    found: Waves = {pin: [] for pin in PINS} | inputs | {"end": [(subject.cycles, 0)]}
+    found: Waves = {pin: [] for pin in PINS} | {"end": [(subject.cycles, 0)]}
     for chunk in trace.chunks:
         for cycle, pin, level in zip(*(column.tolist() for column in chunk), strict=True):
             edges = found[PINS[pin]]
-            if PINS[pin] in inputs or (level == 1) == bool(edges and edges[-1][1]):
+            if (level == 1) == bool(edges and edges[-1][1]):
                 continue
-            if level != 1 and edges and cycle - edges[-1][0] <= GLITCH and cycle < 60:
+            if (
+                PINS[pin] not in subject.inputs
+                and level != 1
+                and edges
+                and cycle - edges[-1][0] <= GLITCH
+                and cycle < 60
+            ):
                 edges.pop()
             else:
                 edges.append((cycle, int(level == 1)))
@@ -195,16 +273,16 @@ def waves(subject: Subject, program: Image, rng: random.Random | None) -> Waves:
 
 def mutant(program: Image, rng: random.Random) -> tuple[int, Image]:
     address = rng.choice(sorted(program.program))
-    word = program.program[address] ^ 1 << rng.randrange(14)
+    word = rng.choice((program.program[address] ^ 1 << rng.randrange(14), rng.choice(DISTURBANCES)))
     return address, replace(program, program=program.program | {address: word})
 
 
 def hidden_faults(
-    every: list[Subject], seed: int, first: int = 0
+    chosen: list[Subject], seed: int, first: int = 0
 ) -> Iterator[tuple[int, Subject, str, Image]]:
     """Return mutants whose fault a plain run does not show: number, program, what was changed, and mutant."""
     for number in count(first):
-        subject, rng = every[number % len(every)], random.Random(f"{seed} {number}")
+        subject, rng = chosen[number % len(chosen)], random.Random(f"{seed} {number}")
         address, changed = mutant(subject.image, rng)
         if subject.kept(waves(subject, changed, None)) and not all(
             subject.kept(waves(subject, changed, rng)) for _ in range(4)

@@ -25,8 +25,8 @@ HEADER = """
 """
 
 
-def image(body: str) -> Image:
-    return assemble(HEADER + body + "\n        end\n", "test.asm").image
+def image(body: str, watchdog: str = "_WDT_OFF") -> Image:
+    return assemble(HEADER.replace("_WDT_OFF", watchdog) + body + "\n        end\n", "test.asm").image
 
 
 def proof(program: Image, contract: str, over: Quantifiers = Quantifiers()) -> ContractProof:  # noqa: B008
