@@ -61,10 +61,6 @@ class Hints:
     """The pins of the contract that the program does not drive, as a word."""
 
 
-class _Dark(NotCovered):
-    """An output has a level that is not known, for longer than it counts as low."""
-
-
 class ContractChecker:
     """Runs the chip from power-up beside one watch after the other."""
 
@@ -87,7 +83,9 @@ class ContractChecker:
         """
         try:
             self._follow(watch, 0)
-        except _Dark:
+        except NotCovered as stopped:
+            if stopped.what != layout.REASONS[layout.DARK_PIN]:
+                raise
             self._follow(watch, watch.pins)
 
     def _follow(self, watch: ClauseWatch, told: int) -> None:
@@ -151,7 +149,7 @@ class ContractChecker:
             return [(its, read(state, level)) for level, its in enumerate(ways)]
         if why not in (layout.MAY_INTERRUPT, layout.MAY_BE_WRITTEN, layout.SLEEPS):
             if why in UNCOVERED:
-                raise (_Dark if why == layout.DARK_PIN else NotCovered)(layout.REASONS[why], where)
+                raise NotCovered(layout.REASONS[why], where)
             raise Refused(f"{where}: {layout.REASONS[why]}")
         if watch.reads and (why == layout.SLEEPS or (why == layout.MAY_INTERRUPT and bits & ASYNCHRONOUS)):
             raise NotCovered("an input of a program that something other than TMR0 interrupts", where)
