@@ -101,11 +101,13 @@ def test_a_drive_may_end_stopped_or_released() -> None:
     ("old", "new", "message"),
     [
         ('"wheel2", "wheel3"]', '"wheel2", "wheel4"]', "drive.wheels[3]: there is no servo 'wheel4'"),
+        ('"wheel2", "wheel3"]', '"wheel2"]', "drive.wheels: omni has 3 wheels, not 2"),
         ('"wheel2", "wheel3"]', '"wheel2", "wheel2"]',
             "drive.wheels[3]: 'wheel2' is the servo of two wheels"),
         ('model = "continuous" #', 'model = "futaba-s3001" #', "'wheel1' is not a continuous-rotation servo"),
         ('name = "omni"', 'name = "rv-m1"', "drive: a drive needs a robot on wheels"),
-        ("[[0, 0], [300, 0], [300, 300], [0, 300]]", "[[0, 0], [0, 0]]", "the contour has no length"),
+        ("[[0, 0], [300, 0], [300, 300], [0, 300]]", "[[0, 0], [0, 0]]",
+            "drive.corners_mm: the contour has no length"),
         ("[frame]", '[[servo]]\nname = "x"\npin = "RB7"\nmodel = "continuous"\n\n[frame]',
             "x turns no wheel"),
         ('model = "continuous" #', 'model = "continuous"\nmin_deg = 0 #', "wheel1 turns continuously"),
@@ -201,7 +203,7 @@ def test_a_wrong_routine_is_named_with_its_place(row: str, message: str) -> None
 
 def test_a_drive_has_corners_or_routines() -> None:
     both = f'{CORNERS}\nroutines = [{{ name = "turn", turn_deg = 90 }}]'
-    assert "a drive needs corners_mm or routines" in error_of((CORNERS, ""))
+    assert "drive: a drive needs corners_mm or routines" in error_of((CORNERS, ""))
     assert "a drive has either corners_mm or routines" in error_of((CORNERS, both))
 
 

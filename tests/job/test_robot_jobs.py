@@ -211,8 +211,6 @@ def test_one_leg_walks_on_two_servos() -> None:
     ("old", "new", "says"),
     [
         ('"tripod"', '"tripot"', "walk.gait: unknown gait 'tripot' [unknown-name]\n  did you mean 'tripod'?"),
-        ('"tripod"', '"tripod"\nduty = 0.5', "a custom gait also needs the phase of each leg"),
-        ('"tripod"', '"tripod"\nlifts = { L1 = 0 }', "walk.lifts"),
         ("forward_mm = 40", "forward = 40", "'forward' has no unit: write forward_mm"),
         ("forward_mm = 40", "forward_mm = 400", "walk: L1_alpha would have to turn"),
         ("forward_mm = 40", "cycles = 0", "0 is out of range: more than 0"),
@@ -226,7 +224,6 @@ def test_one_leg_walks_on_two_servos() -> None:
         ("lift_mm = 20", "lift_mm = 20\nrepeat = false",
             "a route whose last segment has no cycles never ends"),
         ("lift_mm = 20", 'lift_mm = 20\nend = "hold"', "a motion that repeats has no end"),
-        ("lift_mm = 20", 'lift_mm = 20\nleg = "L9"', "walk.leg: hexapod has no leg 'L9'"),
         ('joint = "L1_alpha"\n', "", "servo[1]: L1-turn turns no joint of the robot"),
         ('name = "hexapod"', 'name = "omni"', "no robot to which the joint could belong"),
         ("[walk]", "[motion]\nposes = [{ L1-turn_deg = 90, hold_s = 1 }]\n[walk]",
@@ -236,10 +233,6 @@ def test_one_leg_walks_on_two_servos() -> None:
 )  # fmt: skip
 def test_what_is_wrong_with_a_walk_is_said(old: str, new: str, says: str) -> None:
     assert says in error_of(changed(HEXAPOD, (old, new)))
-
-
-def test_a_job_without_a_motion_is_refused() -> None:
-    assert "a job has one of [motion], [walk]" in error_of(SCARA.split("[motion]")[0])
 
 
 def test_a_walk_needs_a_walking_robot() -> None:

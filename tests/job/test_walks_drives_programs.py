@@ -421,28 +421,6 @@ def test_routines_are_in_degrees_and_millimetres_and_say_where_they_lead() -> No
 
 
 @pytest.mark.parametrize(
-    ("text", "wheels", "said"),
-    [
-        (SQUARE, '["w1", "w2"]', "drive.wheels: robotino has 3 wheels, not 2"),
-        (SQUARE, '["w1", "w2", "w4"]', "drive.wheels[3]: there is no servo 'w4'"),
-        (SQUARE, '["w1", "w2", "w1"]', "drive.wheels[3]: 'w1' is the servo of two wheels"),
-        ("", '["w1", "w2", "w3"]', "drive: a drive needs corners_mm or routines"),
-        (
-            "corners_mm = [[0, 0], [0, 0]]",
-            '["w1", "w2", "w3"]',
-            "drive.corners_mm: the contour has no length",
-        ),
-        (f'{SQUARE}routines = [{{ name = "turn", turn_deg = 9 }}]', '["w1", "w2", "w3"]', "drive"),
-        ('routines = [{ name = "turn" }]', '["w1", "w2", "w3"]', "drive.routines[1]: turn needs turn_deg"),
-    ],
-)
-def test_a_drive_that_cannot_be_is_refused(text: str, wheels: str, said: str) -> None:
-    with pytest.raises(InputError) as caught:
-        drive(f"speed_mm_s = 40\n{text}", wheels)
-    assert said.replace("robotino", robot("omni").name) in str(caught.value)
-
-
-@pytest.mark.parametrize(
     ("text", "says"),
     [
         ("cycle_s = 0.6\nroute = [{ forward_mm = 30 }]", "an endless walk has no end that could be compared"),
