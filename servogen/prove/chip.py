@@ -644,6 +644,9 @@ class AbstractChip:
                 for warning in every
                 if warning.code in CHIP_DEPENDENT and warning.location is not None and warning.location.cycle
             ]
+        if s[at.SLEEPING] and (dark := int(s[at.DRIVEN_UNKNOWN]) & ~self._of_no_interest):
+            names = ", ".join(name for pin, name in enumerate(PINS) if dark >> pin & 1)
+            warnings.append(f"SLEEP while {names} is driven to a level that is not known")
         expected = sum(choice.field == "TMR0_PHASE" for choice in choices)
         if s[at.OPTION_WRITES] > expected:
             warnings.append("OPTION_REG is written through INDF")

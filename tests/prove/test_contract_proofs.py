@@ -330,6 +330,25 @@ def test_what_an_output_shows_before_its_first_write_counts_where_that_write_is_
     assert replayed(program, BOTH, found).startswith("violated")
 
 
+ASLEEP = """
+        clrf    {written}
+        bsf     STATUS, RP0
+        clrf    TRISB
+        sleep
+        clrf    PORTB
+        goto    $
+"""
+
+
+def test_an_output_that_is_not_written_before_sleep_has_either_level() -> None:
+    """SLEEP lasts as long as it may, not the ten cycles for which such a level counts as low."""
+    both = NEVER.replace("RB2", "RB3")
+    assert proof(image(ASLEEP.format(written="PORTB")), both).proven
+    unwritten = image(ASLEEP.format(written="0x20"))
+    found = proof(unwritten, both, Quantifiers(resets=False))
+    assert replayed(unwritten, both, found).startswith("violated")
+
+
 def test_what_no_read_tells_is_not_decided() -> None:
     program = image(ANSWER.format(delay=""))
     pattern = '[[response]]\nwhen = ["RB0 falls", "RB0 rises"]\nthen = "RB4 rises"\nwithin_us = [0, 9]\n'
