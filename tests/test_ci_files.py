@@ -88,7 +88,6 @@ def test_the_step_that_installs_takes_the_tested_versions() -> None:
     ]
 
 
-@pytest.mark.campaign
 def test_the_action_builds_and_proves_jobs(tmp_path: Path) -> None:
     shutil.copy(ROOT / "jobs" / "lab8-exercise.toml", tmp_path / "arm.toml")
     code, out, ran = act(tmp_path, inputs(jobs="\n  arm.toml\n", output="made"))

@@ -208,6 +208,25 @@ def test_an_interrupt_is_entered_three_cycles_after_it_was_sampled(sampled: int,
         assert (why, state) == (layout.GOES_ON, [0x123, 2, 0, AT, sampled])
 
 
+@pytest.mark.parametrize(
+    ("option", "timer"),
+    [
+        (layout.PSA, 2),
+        (layout.PSA | 1, UNKNOWN),
+        (0, UNKNOWN),
+        (layout.PSA | layout.T0CS, UNKNOWN),
+    ],
+    ids=["the same clock", "another ratio", "the prescaler", "the pin"],
+)
+def test_an_interrupt_tells_tmr0_unless_its_clock_has_just_changed(option: int, timer: int) -> None:
+    """The overflow may be of the clock before. Else 00h came a cycle ago, and the entry takes one."""
+    s = resting(STAGE=layout.WATCHES, INTCON=GIE | T0IE, TMR0=UNKNOWN)
+    functions.write(s, np.zeros(66, np.int64), NOTHING, layout.OPTION, option)
+    s[layout.DOUBTED] = s[layout.WAY] = T0IF
+    assert functions.events(s, NO_EDGES, NOTHING) == layout.INTERRUPTED
+    assert s[layout.TMR0] == timer
+
+
 @pytest.mark.parametrize(("depth", "why"), [(7, layout.INTERRUPTED), (8, layout.OVERFLOW)])
 def test_an_interrupt_needs_a_free_level_of_the_stack(depth: int, why: int) -> None:
     s = resting(INTCON=GIE | T0IE | T0IF, SAMPLED=2, DEPTH=depth)
