@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
@@ -18,19 +18,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from servogen.compiler import WORDS_NEEDED
+from servogen.edges import PINS
 from servogen.engines.firmware import ResourceError
 from servogen.engines.player.layout import Demand
+from servogen.engines.player.playing import leg_channels
 from servogen.engines.player.shares import Shares, shares
 from servogen.engines.registry import suitable
 from servogen.errors import InputError, ServogenError
 from servogen.job import PlannedJob, plan_job
 from servogen.job.reader import AUTO, changed
 from servogen.job.schema import MotionTable, WalkTable
-from servogen.pic.device import PROGRAM_WORDS
+from servogen.pic.device import OPEN_DRAIN_PIN, PROGRAM_WORDS
 from servogen.robot.servo import Servo
 from servogen.toml.locations import Key
 from servogen.units import counted
-from servogen.workflows.engines import PlayedJob, planned
+from servogen.workflows.engines import PlayedJob, chip_jobs, planned
 
 if TYPE_CHECKING:
     from servogen.answers import AdviceAnswer, ShortestFrame, UseAnswer
@@ -54,6 +56,7 @@ MAX_PARTS = 6
 
 SLOWER = (1.25, 1.5, 2.0)
 LOWER = (0.75, 0.5)
+SHORTER = (0.75, 0.5, 0.35, 0.25)
 
 CAP_US = 10
 """The step, in µs, in which shorter pulses are tried."""
@@ -71,14 +74,16 @@ class JobChange:
 
 @dataclass(frozen=True, slots=True)
 class ResourceUse:
-    """The resources of a job that can be built."""
+    """The resources of a job that can be built; of two chips the words of the larger program."""
 
     words: int
     data: int
     error_us: float
+    chips: int = 1
 
     def text(self) -> str:
-        return f"{self.data} bytes of motion, {self.words} words, {self.error_us:g} µs"
+        each = "" if self.chips == 1 else " or fewer each"
+        return f"{self.data} bytes of motion, {self.words} words{each}, {self.error_us:g} µs"
 
     def to_json(self) -> UseAnswer:
         """Return the resources as a value that JSON can hold."""
@@ -282,8 +287,12 @@ def _groups(job: PlannedJob, error: ServogenError, shares: Shares | None) -> Ite
             JobChange({("motion", "poses"): poses[:count]}, f"only the first {counted(count, 'pose')}")
             for count in counts
         ]
+    by_legs = bool(leg_channels(job.servos, job.bindings))
+    if isinstance(section, WalkTable) and not by_legs:
+        yield list(_shorter_steps(job))
+        yield list(_two_chips(job))
     limit = job.firmware.max_error_us
-    if error.code == "beyond-max-error" or not isinstance(section, WalkTable):
+    if error.code == "beyond-max-error" or not (isinstance(section, WalkTable) and by_legs):
         larger = sorted({math.ceil(limit * factor) for factor in (1.25, 1.5, 2, 3, 4)})
         yield [
             JobChange({("firmware", "max_error_us"): value}, f"max_error_us = {value}") for value in larger
@@ -318,6 +327,47 @@ def _walk_changes(job: PlannedJob, walk: WalkTable, code: str) -> Iterator[list[
             )
             for without in ("turn_deg", "forward_mm")
         ]
+
+
+def _shorter_steps(job: PlannedJob) -> Iterator[JobChange]:
+    """Yield routes of shorter steps."""
+    route = job.document.data["walk"]["route"]
+    for share in SHORTER:
+        edits: dict[Key, object] = {}
+        for number, segment in enumerate(route):
+            for key in ("forward_mm", "left_mm", "turn_deg"):
+                if segment.get(key):
+                    edits["walk", "route", number, key] = round(share * segment[key], 1)
+        values = (f"{key[-1]} = {value:g}{_of_segment(key[2], route)}" for key, value in edits.items())
+        yield JobChange(edits, ", ".join(values))
+
+
+def _of_segment(number: object, route: Sequence[object]) -> str:
+    return f" in segment {int(str(number)) + 1}" if len(route) > 1 else ""
+
+
+def _two_chips(job: PlannedJob) -> Iterator[JobChange]:
+    """Yield two chips, the first one with the first half of the servos, for the motion and for less of it."""
+    half = len(job.servos) // 2
+    if job.chips or job.inputs or not half:
+        return
+    parts = job.servos[:half], job.servos[half:]
+    wires = [each.pin for each in parts[0] if each.pin != OPEN_DRAIN_PIN]
+    free = [pin for pin in PINS if pin not in {each.pin for each in parts[1]}]
+    if not wires or not free or job.firmware.engine not in (AUTO, "player"):
+        return
+    chip = job.document.data["chip"]
+    pair = [
+        {**chip, "wire": wire, "servos": tuple(each.name for each in part)}
+        for wire, part in zip((wires[0], free[0]), parts, strict=True)
+    ]
+    edits: dict[Key, object] = {("chip",): tuple(pair), ("firmware", "engine"): "player"}
+    text = f"two chips ([[chip]] twice), {parts[1][0].name} and those after it on the second"
+    yield JobChange(edits, text)
+    route = tuple(job.document.data["walk"]["route"])
+    for count in range(len(route) - 1, 0, -1):
+        first = f"only the first {counted(count, 'segment')} of the route"
+        yield JobChange({**edits, ("walk", "route"): route[:count]}, f"{text}, and {first}")
 
 
 def _limits_as_used(job: PlannedJob, shares: Shares) -> Iterator[JobChange]:
@@ -432,9 +482,15 @@ def _limit(servo: Servo, angle: float, *, outward: bool) -> tuple[str, float] | 
 def _fit(job: PlannedJob, change: JobChange) -> ResourceUse | None:
     """Return the resources of the changed job; None if it cannot be built."""
     try:
-        return _taken(planned(plan_job(changed(job, change.edits))))
+        other = plan_job(changed(job, change.edits))
+        parts = [planned(each) for each in (chip_jobs(other) if other.chips else (other,))]
+        taken = [each for part in parts if (each := _taken(part)) is not None]
     except ServogenError:
         return None
+    if len(taken) < len(parts) or len({part.plan.schedule.period for part in parts}) > 1:
+        return None
+    words, data, errors = zip(*((each.words, each.data, each.error_us) for each in taken), strict=True)
+    return ResourceUse(max(words), sum(data), max(errors), len(parts))
 
 
 def _taken(played: PlayedJob) -> ResourceUse | None:

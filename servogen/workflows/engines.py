@@ -9,12 +9,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from servogen.engines.firmware import Firmware, ResourceError
 from servogen.engines.registry import engine_named, suitable
 from servogen.errors import Diagnostic, InputError
 from servogen.job import PlannedJob
+from servogen.job.chips import part_of
 from servogen.motion import JointTrajectory
 from servogen.plan_error import DECIMALS
+from servogen.programs import PAIR_FOLDERS
 from servogen.pulse import PulseSchedule
 from servogen.pulse.plan import PulsePlan
 from servogen.pulse.plan import plan as nearest
@@ -73,6 +77,45 @@ def planned(job: PlannedJob) -> PlayedJob:
     measured = with_end_error(replace(played.job, trajectory=motion), replace(plan, schedule=whole))
     error = measured.schedule.plan_error
     return replace(played, plan=replace(plan, schedule=replace(schedule, plan_error=error)))
+
+
+def chip_jobs(job: PlannedJob) -> tuple[PlannedJob, PlannedJob]:
+    """Return the job of each chip: its servos' part of the motion, and its end of the wire.
+
+    Raises InputError for a motion with pauses, which would stop the wire.
+    """
+    if np.isnan(job.trajectory.angles).any():
+        raise InputError(
+            "chip-pair",
+            "the motion has frames without pulses, which would stop the wire",
+            job.document.place("chip"),
+            'no pauses without pulses, and no end = "release"',
+        )
+    jobs = []
+    for folder, chip in zip(PAIR_FOLDERS, job.chips, strict=True):
+        jobs.append(
+            replace(
+                job,
+                name=f"{job.name}-{folder}",
+                chips=(),
+                servos=tuple(servo for servo in job.servos if servo.name in chip.servos),
+                bindings=tuple(binding for binding in job.bindings if binding.servo in chip.servos),
+                trajectory=part_of(job.trajectory, chip.servos),
+                inputs=(chip.wire,),
+                followers=(),
+                # Of the whole robot: no chip moves it alone.
+                robot=None,
+                tip=None,
+                section=None,
+                sensors=(),
+                poses=(),
+                parts=(),
+                warnings=(),
+                notes=(),
+            )
+        )
+    first, second = jobs
+    return first, second
 
 
 def nearest_pulses(job: PlannedJob) -> tuple[PlannedJob, PulsePlan]:

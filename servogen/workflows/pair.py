@@ -18,10 +18,9 @@ import numpy as np
 
 from servogen.edges import HIGH, OTHER_PINS, PINS, EdgeTrace, join, part
 from servogen.engines.board import paired_machine
-from servogen.engines.firmware import Firmware
+from servogen.engines.firmware import Firmware, ResourceError
 from servogen.errors import InputError
 from servogen.job import PlannedJob
-from servogen.job.chips import part_of
 from servogen.outputs import write_text
 from servogen.pic.image import Image
 from servogen.plan_error import plan_text
@@ -31,7 +30,8 @@ from servogen.pulse.schedule import WireRule
 from servogen.report.pair import PairFacts, crystals_text, pair_page, restart_text
 from servogen.units import Cycles
 from servogen.verify import Verdict, verdict_lines
-from servogen.workflows.engines import PlayedJob, planned
+from servogen.workflows.advice import advised
+from servogen.workflows.engines import PlayedJob, chip_jobs, planned
 from servogen.workflows.job_build import Build, build_alone, write
 from servogen.workflows.own_crystals import Jitter, jitter, runs_of
 from servogen.workflows.pair_proof import PairProof, prove_pair
@@ -149,45 +149,6 @@ class PairBuild:
         }
 
 
-def chip_jobs(job: PlannedJob) -> tuple[PlannedJob, PlannedJob]:
-    """Return the job of each chip: its servos' part of the motion, and its end of the wire.
-
-    Raises InputError for a motion with pauses, which would stop the wire.
-    """
-    if np.isnan(job.trajectory.angles).any():
-        raise InputError(
-            "chip-pair",
-            "the motion has frames without pulses, which would stop the wire",
-            job.document.place("chip"),
-            'no pauses without pulses, and no end = "release"',
-        )
-    jobs = []
-    for folder, chip in zip(PAIR_FOLDERS, job.chips, strict=True):
-        jobs.append(
-            replace(
-                job,
-                name=f"{job.name}-{folder}",
-                chips=(),
-                servos=tuple(servo for servo in job.servos if servo.name in chip.servos),
-                bindings=tuple(binding for binding in job.bindings if binding.servo in chip.servos),
-                trajectory=part_of(job.trajectory, chip.servos),
-                inputs=(chip.wire,),
-                followers=(),
-                # Of the whole robot: no chip moves it alone.
-                robot=None,
-                tip=None,
-                section=None,
-                sensors=(),
-                poses=(),
-                parts=(),
-                warnings=(),
-                notes=(),
-            )
-        )
-    first, second = jobs
-    return first, second
-
-
 @dataclass(frozen=True, slots=True)
 class PlayedPair:
     """Both chips of a job as their engine plays them, and `job`, the whole robot with both motions: a servo
@@ -240,9 +201,14 @@ def _same_frame(job: PlannedJob, first: PulseSchedule, second: PulseSchedule) ->
 
 
 def build_pair(job: PlannedJob, progress: Callable[[str], None] = lambda step: None) -> PairBuild:
-    """Build both chips and judge them together. Raises InputError or ResourceError."""
-    jobs = chip_jobs(job)
-    first, second = (build_alone(each, progress) for each in jobs)
+    """Build both chips and judge them together.
+
+    Raises InputError or ResourceError, with a hint that lists what would fit.
+    """
+    try:
+        first, second = (build_alone(each, progress) for each in chip_jobs(job))
+    except (InputError, ResourceError) as error:
+        raise advised(job, error, progress) from None
     schedules = first.plan.schedule, second.plan.schedule
     _same_frame(job, *schedules)
     leads, follows = _images(first), _images(second)

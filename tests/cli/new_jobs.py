@@ -14,8 +14,7 @@ from servogen.job import KINDS, loads, plan_job
 from servogen.job.starter import starter
 from servogen.pulse import plan
 from servogen.robot import servo_models
-from servogen.workflows.engines import planned
-from servogen.workflows.pair import chip_jobs
+from servogen.workflows.engines import chip_jobs, planned
 
 MODELS = {name: servo_models.servo_model(name) for name in servo_models.names()}
 TOO_NARROW = {

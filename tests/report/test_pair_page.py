@@ -9,7 +9,7 @@ import pytest
 
 from servogen.job import loads, plan_job
 from servogen.report.pair import PairFacts, pair_page
-from servogen.workflows.pair import chip_jobs
+from servogen.workflows.engines import chip_jobs
 from tests.two_chips import ARM, TWO
 
 SVG = "{http://www.w3.org/2000/svg}"

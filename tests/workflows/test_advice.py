@@ -10,9 +10,12 @@ from servogen.engines.firmware import ResourceError
 from servogen.engines.player.shares import shares
 from servogen.errors import InputError, ServogenError
 from servogen.job import load, loads, plan_job
+from servogen.job.starter import starter
 from servogen.workflows import advice
+from servogen.workflows import pair as pair_workflow
 from servogen.workflows.engines import planned
 from servogen.workflows.job_build import build
+from servogen.workflows.pair import build_pair
 from tests.engines.player.player_jobs import ROOT, job_text, poses
 from tests.two_chips import ARM, TWO
 
@@ -329,3 +332,70 @@ def test_where_the_pulses_miss_a_bent_calibration_is_named(middle_us: int, named
     assert (
         "the calibration of arm is bent: a point is 15.0 µs off a straight line" in str(caught.value)
     ) is named
+
+
+def turning(turn_deg: float, cycle_s: float = 1.28) -> str:
+    """The job of a new quadruped with three joints a leg that turns on the spot."""
+    text = starter("quadruped-coxa-femur-tibia", "mg996r", ROOT / "my.toml")
+    text = text.replace("{ forward_mm = 8 }", f"{{ turn_deg = {turn_deg:g} }}")
+    return text.replace("# cycle_s = 1.28 ", f"cycle_s = {cycle_s:g} ")
+
+
+def on_two_chips(text: str, last: str) -> str:
+    """The job with two chips, as docs/job.md describes them; the servos from `last` on are on the second."""
+    begin = text.index("[chip]")
+    end = text.index("\n\n", begin)
+    chip = text[begin:end].replace("[chip]", "[[chip]]")
+    names = re.findall(r'^name = "(.*-.*)"', text, re.MULTILINE)
+    names = [name for name in names if name != "quadruped-coxa-femur-tibia"]
+    place = names.index(last)
+    servos = [", ".join(f'"{name}"' for name in part) for part in (names[:place], names[place:])]
+    chips = [f'{chip}\nwire = "RB0"\nservos = [{part}]\n' for part in servos]
+    return text[:begin] + "".join(chips) + text[end:]
+
+
+@pytest.mark.campaign
+def test_of_a_turn_on_three_joints_a_leg_every_way_out_that_is_said_to_fit_does() -> None:
+    """Shorter steps and a greater limit on one chip, or the same turn on two, which is proven."""
+    error = refused(turning(15))
+    assert error.code == "beyond-max-error" and error.hint is not None
+    (fits,) = re.findall(r"what fits: (.*)", error.hint)
+    turn, on_two, limit = fits.split("; or ")
+    found = re.match(r"turn_deg = ([\d.]+) .* (\d+) words", turn)
+    assert found is not None
+    made = build(plan_job(loads(turning(float(found[1])), "my.toml")))
+    assert made.exact and made.programs[0].firmware.compilation.words == int(found[2])
+    found = re.match(r"max_error_us = (\d+) ", limit)
+    assert found is not None
+    text = turning(15).replace('engine = "player"', f'engine = "player"\nmax_error_us = {found[1]}')
+    assert build(plan_job(loads(text, "my.toml"))).exact
+    found = re.match(
+        r"two chips .*, (.*) and those after it on the second .* (\d+) words or fewer each", on_two
+    )
+    assert found is not None
+    pair = build_pair(plan_job(loads(on_two_chips(turning(15), found[1]), "my.toml")))
+    assert pair.exact
+    assert max(chip.programs[0].firmware.compilation.words for chip in pair.chips) == int(found[2])
+    assert all(proof.checked for proof in pair.proofs().values())
+
+
+def test_what_two_chips_cannot_hold_is_refused_with_what_they_can(monkeypatch: pytest.MonkeyPatch) -> None:
+    def no(*_: object) -> None:
+        raise ResourceError("does-not-fit", "no")
+
+    monkeypatch.setattr(pair_workflow, "build_alone", no)
+    monkeypatch.setattr(advice, "_fit", lambda *_: advice.ResourceUse(1000, 600, 9.5, 2))
+    with pytest.raises(ServogenError) as caught:
+        build_pair(plan_job(loads(on_two_chips(turning(15), "RF-coxa"), "my.toml")))
+    assert "turn_deg = 11.2 (" in str(caught.value) and "1000 words or fewer each" in str(caught.value)
+
+
+def test_two_chips_are_tried_where_a_pin_is_left_for_the_wire(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not of a job that has two, nor of one with a button, whose chip no other can follow."""
+    monkeypatch.setattr(advice, "_fit", lambda *_: None)
+    monkeypatch.setattr(advice, "_shares", lambda *_: None)
+    button = turning(15).replace('engine = "player"', 'engine = "player"\nstart_pin = "RA4"')
+    for text, tried in ((turning(15), True), (button, False), (on_two_chips(turning(15), "RF-coxa"), False)):
+        told: list[str] = []
+        advice.advised(plan_job(loads(text, "my.toml")), ResourceError("does-not-fit", "no"), told.append)
+        assert any("two chips" in each for each in told) is tried

@@ -13,9 +13,8 @@ import pytest
 from servogen.engines.inputs.tape import Tape
 from servogen.job import PlannedJob, loads, plan_job
 from servogen.recordings import read
-from servogen.workflows.engines import planned
+from servogen.workflows.engines import chip_jobs, planned
 from servogen.workflows.importing import imported
-from servogen.workflows.pair import chip_jobs
 from tests.engines.tape.tape_jobs import judged, text
 
 ROOT = Path(__file__).parents[3]
