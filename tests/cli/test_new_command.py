@@ -48,7 +48,7 @@ def test_every_kind_of_robot_has_a_job_to_start_from_and_every_such_job_is_offer
     assert sorted(file.stem for file in Path(job.__file__).with_name("starters").glob("*.toml")) == sorted(
         KINDS
     )
-    robots = (loads(template(kind), Path(f"{kind}.toml")).robot for kind in KINDS)
+    robots = (loads(template(kind), f"{kind}.toml").robot for kind in KINDS)
     assert {robot.kind for robot in robots if robot is not None} == {*ROBOT_KINDS}
 
 
