@@ -56,7 +56,7 @@ ALLOWED = {
     "docs/design.md": ("→ `Proof`", "finds the proof"),
     "docs/contracts.md": ("proof", "proven by one engine", "prove less"),
     "docs/firmware.md": (
-        "Those 19 pairs are",
+        "These 19 pairs are",
         "`servogen prove` proves this for every",
         "### What is proven",
         "proves that",

@@ -96,10 +96,6 @@ def table_lines(groups: Iterable[tuple[Iterable[object], str]]) -> list[str]:
     ]
 
 
-DIALECTS = ("c2c", "xc8", "sdcc")
-"""The C dialects that every engine generates."""
-
-
 @dataclass(frozen=True, slots=True)
 class ChannelText:
     """A channel in the header of the C file."""

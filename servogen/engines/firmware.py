@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from servogen.compiler import Compilation  # planning a motion does not load the compiler
 
 
+DIALECTS = ("c2c", "xc8", "sdcc")
+"""The C dialects that every engine generates."""
+
+
 class ResourceError(ServogenError):
     """A motion that can be planned but that its engine cannot fit on the chip."""
 

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 
 from servogen.edges import EdgeTrace
 from servogen.engines.board import inputs_of, machine_of
-from servogen.engines.c_text import DIALECTS
-from servogen.engines.firmware import Firmware, ResourceError
+from servogen.engines.firmware import DIALECTS, Firmware, ResourceError
 from servogen.engines.tape.content import tape_hex
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.job import PlannedJob

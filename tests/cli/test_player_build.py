@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from servogen.cli.show import show_error
-from servogen.engines.c_text import DIALECTS
+from servogen.engines.firmware import DIALECTS
 from servogen.errors import InputError
 from tests.cli.conftest import Run
 from tests.engines.player.player_jobs import built_text, job_text, sweep

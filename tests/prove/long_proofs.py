@@ -16,7 +16,7 @@ import pytest
 
 from servogen.edges import HIGH, OTHER_PINS, PINS
 from servogen.engines.board import board_of, paired_machine
-from servogen.engines.c_text import DIALECTS
+from servogen.engines.firmware import DIALECTS
 from servogen.job import loads, plan_job
 from servogen.pic.image import read_hex, to_hex
 from servogen.pic.isa import encode

@@ -13,8 +13,7 @@ from typer.testing import CliRunner
 
 from servogen.cli.app import app
 from servogen.compiler import Options, Source, compile_sources
-from servogen.engines.c_text import DIALECTS
-from servogen.engines.firmware import Firmware
+from servogen.engines.firmware import DIALECTS, Firmware
 from servogen.errors import InputError
 from servogen.job import PlannedJob, load, plan_job
 from servogen.pic.device import device

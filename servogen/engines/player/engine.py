@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import Any
 
-from servogen.engines.c_text import DIALECTS
-from servogen.engines.firmware import Firmware, ResourceError
+from servogen.engines.firmware import DIALECTS, Firmware, ResourceError
 from servogen.engines.inputs import given
 from servogen.engines.inputs.buttons import ControlButtons, motion_with_wait, with_wait
 from servogen.engines.inputs.commands import commander

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
+from servogen.engines.firmware import DIALECTS
 from servogen.engines.inputs.serial import HOLD
 from servogen.engines.protocol import EngineJob
 from servogen.engines.stream.firmware import compiled
@@ -33,7 +34,6 @@ from servogen.prove.stream.names import Names
 from servogen.prove.stream.rounds import Guarantee, guarantee
 from servogen.units import Cycles
 
-DIALECTS = ("c2c", "xc8", "sdcc")
 MAX_UNLIKE = 24
 """Words in which a program may differ from servogen's own one, whose names it then borrows."""
 AFTER_TRIM_MS, AFTER_QUERY_MS = 25, 20

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from servogen.engines.c_text import DIALECTS
+from servogen.engines.firmware import DIALECTS
 from servogen.errors import ServogenError
 from servogen.job import PlannedJob, load, plan_job
 from servogen.plan_error import PlanError

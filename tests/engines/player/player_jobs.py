@@ -16,7 +16,7 @@ from zlib import crc32
 import numpy as np
 
 from servogen.edges import HIGH, LOW, PINS, EdgeChunk
-from servogen.engines.c_text import DIALECTS
+from servogen.engines.firmware import DIALECTS
 from servogen.engines.player.engine import play
 from servogen.job import PlannedJob, load, loads, plan_job
 from servogen.pulse import PulseSchedule, Run

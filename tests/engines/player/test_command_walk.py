@@ -11,8 +11,7 @@ import pytest
 
 from servogen.checker.plan import Line, read_plan
 from servogen.engines.board import board_of
-from servogen.engines.c_text import DIALECTS
-from servogen.engines.firmware import ResourceError
+from servogen.engines.firmware import DIALECTS, ResourceError
 from servogen.engines.player import shares
 from servogen.engines.player.encoding import Encoded
 from servogen.engines.player.engine import play

@@ -19,8 +19,7 @@ from servogen.drive.on_command import CommandedDrive, CommandedFrame, Twin
 from servogen.drive.serial_link import VirtualTime
 from servogen.edges import HIGH, PINS, EdgeTrace
 from servogen.engines.board import board_of, inputs_of
-from servogen.engines.c_text import DIALECTS
-from servogen.engines.firmware import Firmware
+from servogen.engines.firmware import DIALECTS, Firmware
 from servogen.errors import InputError
 from servogen.job import PlannedJob, load, loads, plan_job
 from servogen.pic.image import Image

@@ -6,7 +6,7 @@ from functools import cache
 
 import pytest
 
-from servogen.engines.c_text import DIALECTS
+from servogen.engines.firmware import DIALECTS
 from servogen.job import loads, plan_job
 from servogen.workflows.job_build import Build, build
 from tests.engines.player.player_jobs import ROOT

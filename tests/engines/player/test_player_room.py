@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from servogen.engines.board import machine_of
-from servogen.engines.c_text import DIALECTS
+from servogen.engines.firmware import DIALECTS
 from servogen.engines.player.engine import play
 from servogen.engines.player.firmware import CHECK, DONE, WIDTHS, firmware
 from servogen.engines.player.theorem import LAST_WORDS

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from servogen.engines.board import board_of
-from servogen.engines.c_text import DIALECTS
-from servogen.engines.firmware import Firmware, ResourceError
+from servogen.engines.firmware import DIALECTS, Firmware, ResourceError
 from servogen.engines.player import Playing
 from servogen.engines.player.engine import play
 from servogen.engines.player.firmware import firmware

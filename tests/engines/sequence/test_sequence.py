@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from servogen.engines.c_text import DIALECTS, RenderError, _environment
+from servogen.engines.c_text import RenderError, _environment
+from servogen.engines.firmware import DIALECTS
 from servogen.engines.sequence.programs import DelayPath, Overheads
 from servogen.engines.sequence.rendering import comments_of, render
 from servogen.engines.sequence.sequencing import sequence

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from servogen.compiler import Options, Source, compile_sources
-from servogen.engines.c_text import DIALECTS
+from servogen.engines.firmware import DIALECTS
 from servogen.engines.sequence.programs import DelayPath, Move, Overheads
 from servogen.engines.sequence.sequencing import sequence
 from servogen.engines.sequence.tuning import tune

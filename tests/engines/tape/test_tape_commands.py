@@ -15,7 +15,7 @@ from servogen.drive.commands import script
 from servogen.drive.on_command import CommandedDrive, CommandedFrame, Twin
 from servogen.drive.serial_link import VirtualTime
 from servogen.edges import PINS
-from servogen.engines.c_text import DIALECTS
+from servogen.engines.firmware import DIALECTS
 from servogen.engines.tape.content import AGAIN, END, sum_of
 from servogen.errors import InputError
 from servogen.job import PlannedJob, load, plan_job
