@@ -26,7 +26,7 @@ from servogen.cli.options import JobFile, Json, baud_option, sampling_rate_optio
 from servogen.cli.page_server import serving
 from servogen.cli.show import as_json, status, warn
 from servogen.drive.on_command import line_baud
-from servogen.engines.board import board_of, paired_machine
+from servogen.engines.board import board_of, equal_rates, paired_machine
 from servogen.engines.inputs.commands import CommandLine
 from servogen.engines.inputs.serial import Stream
 from servogen.job import PlannedJob, load, plan_job
@@ -165,13 +165,15 @@ def _one(job: PlannedJob, file: Path | None) -> tuple[PulseSchedule, Program, No
 
 def _pair(job: PlannedJob, folder: Path | None) -> tuple[PulseSchedule, Program, SecondChip]:
     """Return the first chip's schedule and program, and the second chip; the programs are the job's, or those
-    in the folder of a build.
+    in the folder of a build. Says if the crystals of both are not what the job states.
     """
     if folder is not None:
         schedules, (first, second) = read_pair_of(job, folder)
     else:
         played = planned_pair(job)
         schedules, (first, second) = played.schedules, played.images()
+    for text in equal_rates(schedules[1]):
+        print(f"note: {text}", file=sys.stderr)
 
     def beside(first: Image, second: Image, stimulus: Stimulus | None) -> PairedMachine:
         return paired_machine(schedules, (first, second), stimulus=stimulus)

@@ -62,6 +62,12 @@ def paired_machine(
     return PairedMachine(images[shown], first.clock, board, applied, other, wire, leading, line)
 
 
+def equal_rates(schedule: PulseSchedule) -> tuple[str, ...]:
+    """Return what `paired_machine` leaves out of a second chip, if that has a crystal of its own."""
+    ppm = schedule.wire.crystal_ppm if schedule.wire else 0
+    return (f"both crystals at equal rates: servogen verify runs them at ±{ppm} ppm",) if ppm else ()
+
+
 def inputs_of(schedule: PulseSchedule) -> Stimuli | None:
     """Return the levels at which a schedule's inputs are held from power-up on; its wire rises once a frame,
     after `WIRE_QUIET_FRAMES`, as that of another chip does.

@@ -48,6 +48,8 @@ MAX_STATES = 400_000
 MAX_ADDED_CUTS = 12
 MAX_REFINEMENTS = 60
 AS_IN_THE_FILE = "the EEPROM holds what the file says"
+INPUTS_CHANGE = "levels of inputs change between instruction cycles"
+EXACT_CRYSTAL = f"{INPUTS_CHANGE}; the crystal is exact"
 
 Tell = Callable[[int, int], None]
 
@@ -309,7 +311,7 @@ class _Prover:
             "a reset cuts the current pulse short; after it the same holds from the first pulse on"
             if self._quantifiers.resets
             else "there is no reset after power-on",
-            "levels of inputs change between instruction cycles; the crystal is exact",
+            EXACT_CRYSTAL,
             AS_IN_THE_FILE,
         ]
         write_us = self._write_us if self._program.eeprom_accesses else None

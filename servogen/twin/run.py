@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from servogen.edges import PINS
-from servogen.engines.board import board_of, paired_machine
+from servogen.engines.board import board_of, equal_rates, paired_machine
 from servogen.errors import InputError
 from servogen.job import PlannedJob
 from servogen.job.schema import SensorTable
@@ -158,6 +158,8 @@ def simulate(
     Raises InputError, and ToolError where MuJoCo is missing.
     """
     rig, built, world = standing(job, settings)
+    if second is not None:
+        rig = replace(rig, assumptions=(*rig.assumptions, *equal_rates(second[0])))
     settings = settings.following(rig)
     world.energies = Energies() if settings.energies else None
     return _Run(job, schedule, image, lead_in_frames, settings, stimuli, rig, world, built, second).run()

@@ -13,7 +13,7 @@ from math import ceil
 from pathlib import Path
 
 from servogen.edges import OTHER_PINS, EdgeTrace, join
-from servogen.engines.board import board_of, inputs_of, machine_of, paired_machine
+from servogen.engines.board import board_of, equal_rates, inputs_of, machine_of, paired_machine
 from servogen.engines.firmware import Firmware
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.inputs import open_input
@@ -295,7 +295,9 @@ def theorem_of(subject: Subject) -> str:
         folder = PAIR_FOLDERS[subject.shown] if subject.pair is not None else ""
         built = Path("build") / subject.job.name / folder / "main.hex"
     sentence = kept([beside(built)], subject.image, subject.schedule).sentence
-    return sentence if subject.pair is None or not sentence else f"chip {1 + subject.shown}: {sentence}"
+    if subject.pair is None or not sentence:
+        return sentence
+    return "; ".join([f"chip {1 + subject.shown}: {sentence}", *equal_rates(subject.pair.schedules[1])])
 
 
 def _recorded(path: Path, setting: Setting, progress: Callable[[str], None]) -> Subject:

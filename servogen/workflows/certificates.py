@@ -50,7 +50,7 @@ class CertificateVerdict:
     @property
     def sentence(self) -> str:
         """Return what a page says of it beside the verdict on one run."""
-        return f"all runs: {self.text}" + (": servogen build --prove" if self.missing else "")
+        return f"all runs: {self.text}" + (": servogen prove" if self.missing else "")
 
 
 @dataclass(frozen=True, slots=True)

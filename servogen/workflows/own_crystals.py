@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
 from itertools import product
-from math import ceil
+from math import ceil, floor
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -47,14 +47,15 @@ class Jitter:
     crystal_ppm: int
     runs: int
     seen_us: tuple[float, float]
-    allowed_us: tuple[float, float]
+    allowed_us: tuple[Fraction, Fraction]
 
     def text(self) -> str:
         """Return the jitter, and what it was measured over, in a line."""
-        (least, most), (early, late) = self.seen_us, self.allowed_us
+        # The edges were measured in floating point, far finer than this.
+        seen = (Fraction(each).limit_denominator(10**6) for each in self.seen_us)
         return (
-            f"chip2's pulses come {least:+.1f} to {most:+.1f} µs from their places; two crystals of "
-            f"±{self.crystal_ppm} ppm and the looks allow {early:+.1f} to {late:+.1f} µs"
+            f"chip2's pulses come {outwards(*seen)} from their places; two crystals of "
+            f"±{self.crystal_ppm} ppm and the looks allow {outwards(*self.allowed_us)}"
         )
 
     def to_json(self) -> JitterAnswer:
@@ -62,8 +63,13 @@ class Jitter:
             "crystal_ppm": self.crystal_ppm,
             "runs": self.runs,
             "seen_us": list(self.seen_us),
-            "allowed_us": list(self.allowed_us),
+            "allowed_us": [float(each) for each in self.allowed_us],
         }
+
+
+def outwards(least_us: Fraction, most_us: Fraction) -> str:
+    """Return bounds as text, rounded to those that contain them."""
+    return f"{floor(10 * least_us) / 10:+.1f} to {ceil(10 * most_us) / 10:+.1f} µs"
 
 
 @dataclass(frozen=True, slots=True)

@@ -250,9 +250,10 @@ def _judge_own_crystals(
             verdict = judge_traces(schedules, run.traces)
     assert verdict is not None
     cycle_us = schedules[0].clock.cycle_us
-    early_us, late_us = (float(cycles * cycle_us) for cycles in jitter(rule, schedules[1].period))
+    early_cycles, late_cycles = jitter(rule, schedules[1].period)
     seen_us = min(late) * float(cycle_us), max(late) * float(cycle_us)
-    return replace(verdict, jitter=Jitter(rule.crystal_ppm, runs, seen_us, (early_us, late_us)))
+    allowed_us = early_cycles * cycle_us, late_cycles * cycle_us
+    return replace(verdict, jitter=Jitter(rule.crystal_ppm, runs, seen_us, allowed_us))
 
 
 def judge_traces(

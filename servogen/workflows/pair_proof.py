@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING
 from servogen.pic.image import Image
 from servogen.programs import PAIR_FOLDERS
 from servogen.prove import Proof
-from servogen.prove.prover import MAX_STATES
+from servogen.prove.prover import EXACT_CRYSTAL, INPUTS_CHANGE, MAX_STATES
 from servogen.prove.wire import NEAR
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import drift, seldom
 from servogen.workflows.certificates import CHECKED, CertificateVerdict, Witnessed, prove_program
-from servogen.workflows.own_crystals import jitter
+from servogen.workflows.own_crystals import jitter, outwards
 
 if TYPE_CHECKING:
     from servogen.answers import PairProofFacts
@@ -69,9 +69,9 @@ class PairProof:
             rows += [f"{name}: {verdict.text}", f"  {proof.states} states, {proof.runs} runs"]
         ppm = wire.crystal_ppm if wire else 0
         crystals = OWN_CRYSTALS.format(ppm) if ppm else ONE_CRYSTAL
-        chips: Iterator[str] = (each for _, proof, _ in self.chips for each in proof.assumptions)
-        if ppm:  # each chip is proven in cycles of its own
-            chips = (each.removesuffix("; the crystal is exact") for each in chips)
+        inputs = INPUTS_CHANGE if ppm else EXACT_CRYSTAL  # each chip is proven in cycles of its own
+        of_chips = (each for _, proof, _ in self.chips for each in proof.assumptions)
+        chips = (inputs if each == EXACT_CRYSTAL else each for each in of_chips)
         assumed = [crystals, *ASSUMED, *restarts, *chips]
         return [*rows, "assumed:", *(f"  {each}" for each in dict.fromkeys(assumed))] if self.proven else rows
 
@@ -85,8 +85,8 @@ class PairProof:
         yield f"whole frames of its schedule, those in which the wire rises in its {when}, and no other pulse"
         of = "either chip" if rule.restart else "chip1"
         if rule.crystal_ppm:
-            early, most = (float(each * second.clock.cycle_us) for each in jitter(rule, second.period))
-            yield f"its pulses come {early:+.1f} to {most:+.1f} µs from their places in chip1's time"
+            early, most = (each * second.clock.cycle_us for each in jitter(rule, second.period))
+            yield f"its pulses come {outwards(early, most)} from their places in chip1's time"
         after = "the look that sees the wire's" if rule.crystal_ppm else "the wire's"
         yield f"from each reset of {of} on, chip2's first edge comes {rule.cycles} cycles after {after}"
         if rule.restart:

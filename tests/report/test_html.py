@@ -330,7 +330,7 @@ def test_the_page_says_what_is_proven_beside_one_run(tmp_path: Path, monkeypatch
     kept.parent.mkdir(parents=True)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.chdir(tmp_path)
-    unknown, proven = "all runs: not proven yet: servogen build --prove", "all runs: proven, checked"
+    unknown, proven = "all runs: not proven yet: servogen prove", "all runs: proven, checked"
     for certificate, said in ((None, unknown), ("lab9-exercise", unknown), ("lab8-exercise", proven)):
         if certificate is not None:
             kept.write_bytes((ROOT / "certificates" / certificate / "main.cert.xz").read_bytes())

@@ -33,6 +33,12 @@ def test_an_arm_on_two_chips_or_from_a_tape_moves_as_on_one(given: tuple[str, ..
     assert np.abs(np.ptp(there, axis=0) - np.ptp(here, axis=0)).max() < 0.01
 
 
+def test_that_the_crystals_of_both_chips_run_at_equal_rates_is_assumed_and_said() -> None:
+    said = "both crystals at equal rates: servogen verify runs them at ±100 ppm"
+    assert said in moved(TWO + "crystal_ppm = 100\n", "RB0").record.rig.assumptions
+    assert "rates" not in " ".join(moved(TWO, "RB0").record.rig.assumptions)
+
+
 def test_a_broken_wire_leaves_the_second_chips_servos_without_pulses() -> None:
     """It begins at a pin of the first chip that nothing drives."""
     job = plan_job(loads(TWO + ARM.format(elbow="RB0"), "arm.toml"))

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from servogen.cli import rig_command
 from servogen.cli.app import app
 from servogen.edges import (
     HIGH,
@@ -25,13 +27,15 @@ from servogen.edges import (
 )
 from servogen.engines.board import board_of, machine_of
 from servogen.errors import InputError
-from servogen.job import loads
+from servogen.job import loads, plan_job
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
 from servogen.programs import read_pair
 from servogen.simulator import Levels, Machine, Stimuli
 from servogen.traces.captures import capture_writer
 from servogen.units import Cycles
+from servogen.watch.subject import Setting, load_subject, theorem_of
+from servogen.workflows.own_crystals import outwards
 from servogen.workflows.pair import judge_pair
 from servogen.workflows.pair_capture import Schedules, judge_pair_capture
 from servogen.workflows.pair_proof import prove_pair
@@ -141,9 +145,23 @@ def test_the_pair_is_proven_with_its_jitter_and_without_the_words_of_one_crystal
     found = prove_pair(own_schedules(), (first_chip(frames=1), own_second_chip()), max_states=3000)
     assert found.checked, found.summary()
     text = "\n".join(found.lines())
-    # 2 cycles in 1000 at up to 2000 ppm, and a look every 2.
-    assert "-2.0 to +4.0 µs from their places" in text
-    assert f"off by {OWN_PPM} ppm or less" in text and "one crystal" not in text
+    # 1000 cycles at up to 2002.002 ppm, and a look every 2; both bounds are rounded away from each other.
+    assert "-2.1 to +4.1 µs from their places" in text
+    assert f"off by {OWN_PPM} ppm or less" in text and "crystal is exact" not in text
+    assert "one crystal" not in text and "levels of inputs change between instruction cycles" in text
+
+
+@pytest.mark.parametrize(
+    ("bounds", "says"),
+    [
+        ((-4.0004, 6.0004), "-4.1 to +6.1 µs"),
+        ((-0.3, 0.7), "-0.3 to +0.7 µs"),
+        ((0.01, 1.1), "+0.0 to +1.1 µs"),
+    ],
+)
+def test_printed_bounds_contain_what_they_bound(bounds: tuple[float, float], says: str) -> None:
+    least, most = (Fraction(str(each)) for each in bounds)
+    assert outwards(least, most) == says
 
 
 def test_a_built_pair_says_that_each_chip_has_its_crystal(built: tuple[Path, str]) -> None:
@@ -154,6 +172,19 @@ def test_a_built_pair_says_that_each_chip_has_its_crystal(built: tuple[Path, str
     assert "OSC1 of the second chip" not in report + page and "OSC2 of chip 1" not in page
     judged = json.loads(CliRunner().invoke(app, ["verify", str(folder), "--json"]).output)
     assert judged["exact"] and judged["jitter"]["runs"] == 6
+
+
+@pytest.mark.parametrize(("text", "rates"), [(OWN, True), (OWN.replace("crystal_ppm = 100\n", ""), False)])
+def test_watch_and_rig_say_that_they_run_two_crystals_at_equal_rates(
+    text: str, rates: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "arm.toml").write_text(text)
+    subject = load_subject(tmp_path / "arm.toml", Setting())
+    assert subject.first_difference is None
+    for shown in (subject, subject.showing(1)):
+        assert ("both crystals at equal rates" in theorem_of(shown)) is rates
+    rig_command._pair(plan_job(loads(text, "arm.toml")), None)
+    assert ("both crystals at equal rates" in capsys.readouterr().err) is rates
 
 
 @pytest.mark.parametrize(
