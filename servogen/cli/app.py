@@ -230,7 +230,15 @@ def run() -> int:
 
 
 MEANT = {"upload": "flash", "program": "flash", "burn": "flash", "run": "simulate", "sim": "simulate"}
-MEANT |= {"init": "new", "create": "new", "asm": "assemble", "cc": "compile", "ui": "watch", "show": "watch"}
+MEANT |= {
+    "init": "new",
+    "create": "new",
+    "asm": "assemble",
+    "cc": "compile",
+    "ui": "watch",
+    "show": "watch",
+    "labs": "handout",
+}
 """What other tools call a command."""
 BY_LETTERS = re.compile(r"\. Did you mean .*$")
 HELP_ALONE = re.compile(r" \(Possible options: --help\)$")

@@ -238,11 +238,12 @@ def _verdict_on(
 
 def _one_claim(against: Path | None, contract: Path | None, of_contract: Mapping[str, object]) -> None:
     """Raise InputError unless one of the two is given, and nothing that only the other one needs."""
-    what = "is to be compared with one of --against SCHEDULE.json and --contract CONTRACT.toml"
+    what = "--against SCHEDULE.json or --contract CONTRACT.toml"
     if against is not None and contract is not None:
-        raise InputError("conflicting-options", what)
+        raise InputError("conflicting-options", f"give {what}, not both")
     if against is None and contract is None:
-        raise InputError("missing-option", what)
+        makes = "`servogen measure` writes both of a program that is right"
+        raise InputError("missing-option", f"what is right is missing: give {what}", hint=makes)
     for key, given in of_contract.items():
         if against is not None and given is not None:
             raise InputError(

@@ -97,7 +97,7 @@ def _silent_reason(lab: Lab, watched: Watched, chip: ChipFacts, servo: str, pins
         return f"{text}: the program {PAST_ITS_END}"
     if chip.stack_wraps:
         return f"{text}: calls are nested deeper than the chip's 8 levels"
-    hangs = "" if watched.pins else "; the program hangs before that"
+    hangs = "" if watched.pins else "; nor does another: the program hangs before that, or writes to inputs"
     return f"{text}: the pin is an output, but never goes high and low again{hangs}"
 
 

@@ -80,7 +80,7 @@ def _code(*lines: str) -> Iterator[str]:
 
 
 def _table(grade: Grade) -> Iterator[str]:
-    yield "| position | visits | pulses | angle | period | stays | silent | required pause |"
+    yield "| position | visits in order | pulses | angle | period | stays | silent | required pause |"
     yield "|---|---|---|---|---|---|---|---|"
     for row in grade.rows:
         cells = (

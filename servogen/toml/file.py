@@ -207,9 +207,15 @@ def _syntax_error(text: str, file: str, detail: str) -> InputError:
         line, column = int(match[1]), int(match[2])
     else:
         line, column = text.count("\n") + 1, len(text) - text.rfind("\n")
-    shown = text.splitlines()[line - 1].strip() if line <= len(text.splitlines()) else ""
+    whole = text.split("\n")[line - 1]
+    shown, before, behind = whole.strip(), whole[: column - 1], whole[column - 1 :]
     message = next(
-        (plain for pattern, plain in _PLAIN if re.match(pattern, message)), message[:1].lower() + message[1:]
+        (
+            plain
+            for pattern, there, plain in _PLAIN
+            if re.match(pattern, message) and re.search(there, f"{before}\0{behind}")
+        ),
+        message[:1].lower() + message[1:],
     )
     return InputError(
         "toml-syntax",
@@ -219,14 +225,37 @@ def _syntax_error(text: str, file: str, detail: str) -> InputError:
     )
 
 
-# tomllib's message -> the cause, as a user knows it.
+# tomllib's message, the line with \0 where it stopped -> the cause, as a user knows it; the first that fits.
+_UNIT = r"=\s*[-+]?[\d._]+[ \t]*\0[ \t]*[°µ%/A-Za-z]+\s*([,}\]#]|$)"
 _PLAIN = (
-    (r"Illegal character '\\n'", "this text has no closing quote"),
-    (r"Invalid value", 'not a value: put text in "quotes"; an array above may lack its ]'),
-    (r"Unclosed array", "an array above lacks its ]"),
-    (r"Cannot overwrite a value", "this name is given twice"),
-    (r"Cannot declare \(.*\) twice", "this table is given twice; one of several has two brackets: [[ … ]]"),
-    (r"Expected '=' after a key", "a key, then =, then its value"),
+    (r"Illegal character '\\n'", "", "this text has no closing quote"),
+    (
+        r"Invalid value",
+        r"\0(?i:true|false|yes|no|on|off)\b",
+        "not a value: write true or false, in small letters",
+    ),
+    (r"Invalid value", "\0[“”„‘’«»]", 'not a value: the quotes are "straight" ones'),
+    (r"Invalid value", "", 'not a value: put text in "quotes"; an array above may lack its ]'),
+    (r"Unclosed array", "", "an array above lacks its ]"),
+    (r"Cannot overwrite a value", "", "this name is given twice"),
+    (
+        r"Cannot declare \(.*\) twice",
+        "",
+        "this table is given twice; one of several has two brackets: [[ … ]]",
+    ),
+    (r"Expected '=' after a key", r"\d,\d+[ \t]*\0", "a number has a decimal point, not a comma"),
+    (r"Expected '=' after a key", "", "a key, then =, then its value"),
+    (
+        r"Unclosed inline table|Expected newline",
+        _UNIT,
+        "a number has no unit behind it: the key's name says the unit",
+    ),
+    (r"Expected newline", r"\d[ \t]*\0,\d", "a number has a decimal point, not a comma"),
+    (
+        r"Unclosed inline table|Invalid initial character",
+        r"\{[^}]*\0\s*(#.*)?$",
+        "an inline table lacks its }",
+    ),
 )
 
 
@@ -281,7 +310,7 @@ def _input_error(document: Document, model: type[Table], root: Key, detail: Mapp
         )
     if kind in _ALLOWED:
         return document.error(
-            "wrong-type", key, f"{value} is not {_ALLOWED[kind]}", _whole_hint(kind, detail["input"])
+            "wrong-type", key, f"{value} is not {_ALLOWED[kind]}", _type_hint(kind, key, detail["input"])
         )
     if kind == "string_pattern_mismatch":
         return document.error(
@@ -299,8 +328,12 @@ def _length_hint(kind: str, context: Mapping[str, Any]) -> str:
     return f"at least {context['min_length']}" if kind == "too_short" else f"at most {context['max_length']}"
 
 
-def _whole_hint(kind: str, given: Any) -> str | None:
-    """Return how to write a number such as 4e6, which is an integer in TOML only if written as one."""
+def _type_hint(kind: str, key: Key, given: Any) -> str | None:
+    """Return how to write one of several tables, or a number such as 4e6, which is an integer in TOML only if
+    written as one.
+    """
+    if kind == "tuple_type" and isinstance(given, dict) and len(key) == 1:
+        return f"one of several has two brackets: [[{key[0]}]]"
     whole = kind == "int_type" and isinstance(given, float) and given.is_integer() and abs(given) < 1e15
     return f"without a point and an exponent: {int(given):_}" if whole else None
 

@@ -31,7 +31,7 @@ from servogen.pulse.expected import expected
 from servogen.simulator import CHIP_DEPENDENT, Machine, NoRepeat, SimulatorOptions, find_repeat
 from servogen.traces.captures import Capture
 from servogen.traces.vcd import read_header
-from servogen.units import Clock, Cycles
+from servogen.units import Clock, Cycles, counted
 from servogen.verify import (
     CaptureVerdict,
     Tolerances,
@@ -327,8 +327,8 @@ class Forever:
         """Return a line that says so, or why not."""
         if self.passed:
             return (
-                f"exact for all time from this start: lead-in {self.lead_in} frames, "
-                f"loop {self.loop} frames; "
+                f"exact for all time from this start: lead-in {counted(self.lead_in, 'frame')}, "
+                f"loop {counted(self.loop, 'frame')}; "
                 f"0 cycles from the schedule; {plan_text(self.verdict.plan_error)}"
             )
         if self.reason:

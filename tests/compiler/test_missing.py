@@ -55,6 +55,7 @@ OTHERS = {
     "mikroC": "sbit LED at RB0_bit;\nvoid main() { TRISB = 0; LED = 1; Delay_ms(500); PORTB.F1 = 0; }",
     "CCS C": "#include <16F84A.h>\n#fuses XT\n#use delay(clock=4M)\nvoid main() { output_low(PIN_B0); }",
     "Arduino": "void setup() { pinMode(13, OUTPUT); }\nvoid loop() { digitalWrite(13, HIGH); delay(500); }",
+    "Arduino  ": "#include <Servo.h>\nServo s;\nvoid setup() { s.attach(9); }\nvoid loop() { s.write(30); }",
     "Arduino ": "void setup() { }\n\nvoid loop() { }",
 }
 

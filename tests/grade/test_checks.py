@@ -455,7 +455,8 @@ def test_the_watchdog_is_the_one_cause() -> None:
         (
             {},
             ChipFacts(),
-            "the pin is an output, but never goes high and low again; the program hangs before that",
+            "the pin is an output, but never goes high and low again; "
+            "nor does another: the program hangs before that, or writes to inputs",
         ),
         ({12: pin(1)}, ChipFacts(sleeping=True), "the pulses are on RB7"),
         ({3: pin(1), 12: pin(1)}, ChipFacts(), "the pulses are on RA3 and RB7"),

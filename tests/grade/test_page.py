@@ -72,7 +72,7 @@ def test_the_page_of_a_right_program() -> None:
     assert lines[measured + 2 :] == [
         "Order: 30° → both",
         "",
-        "| position | visits | pulses | angle | period | stays | silent | required pause |",
+        "| position | visits in order | pulses | angle | period | stays | silent | required pause |",
         "|---|---|---|---|---|---|---|---|",
         "| 30° | 3 | 1167 to 1170 µs | 30.0° | 20.00 ms | 2.00 to 2.50 s | 0.00 s | 2.5 s |",
         "| both | 0 | 1500 µs and 1200 to 1300 µs | 90.0° and -1.0 to 1.0° | – | – | – | – |",

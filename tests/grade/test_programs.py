@@ -69,6 +69,7 @@ LAB8_WRONG = {
     "too_wide.c": ("gets pulses of 301 µs; the Futaba S3001 takes 1000 to 2000 µs",),
     "two.c": ("the order is 30° → 90° → 30° → 90°",),
     "watchdog.asm": ("the watchdog resets the chip", "turn it off"),
+    "wrong_pin.c": ("no pulses for the servo 'arm' on RB0", "nor does another", "or writes to inputs"),
 }
 
 

@@ -91,12 +91,31 @@ def test_a_missing_table_is_written_with_its_brackets() -> None:
         ("a = 1\na = 2\n", "this name is given twice"),
         ("[a]\n[a]\n", "this table is given twice; one of several has two brackets"),
         ("a 1\n", "a key, then =, then its value"),
+        ("a = True\n", "write true or false, in small letters"),
+        ("a = yes # on\n", "write true or false, in small letters"),
+        ("a = “RB0”\n", 'the quotes are "straight" ones'),
+        ("a = 2,5\n", "a number has a decimal point, not a comma"),
+        ("a = [{ b = 2,5, c = 1 }]\n", "a number has a decimal point, not a comma"),
+        ("a = 120°\n", "a number has no unit behind it"),
+        ("a = [\n { b = 120°, c = 1 },\n]\n", "a number has no unit behind it"),
+        ("a = { b = 2 s } # hold\n", "a number has no unit behind it"),
+        ("a = [\n { b = 1, c = 5, # frames\n]\n", "an inline table lacks its }"),
+        ("a = [\n { b = 1\n]\n", "an inline table lacks its }"),
+        ("a = { b = 1 c = 2 }\n", "unclosed inline table"),
+        ("a = 1 b = 2\n", "expected newline"),
+        ("a = 0x1G\n", "expected newline"),
     ],
 )
 def test_a_syntax_error_says_what_to_do(text: str, says: str) -> None:
     with pytest.raises(InputError) as caught:
         parse(text, "x.toml")
     assert says in caught.value.message
+
+
+def test_one_of_several_tables_has_two_brackets() -> None:
+    error = error_of('[servo]\nname = "arm"\n')
+    assert error.message.endswith("is not an array [ … ]")
+    assert error.hint == "one of several has two brackets: [[servo]]"
 
 
 def test_a_misspelt_key_is_told_rather_than_the_one_that_is_missing_for_it() -> None:

@@ -216,7 +216,7 @@ def test_a_proof_for_all_time_says_what_it_covers_or_why_there_is_none() -> None
     found = Forever(verdict(), 1, 6)
     assert found.passed
     assert found.text() == (
-        "exact for all time from this start: lead-in 1 frames, loop 6 frames; "
+        "exact for all time from this start: lead-in 1 frame, loop 6 frames; "
         f"0 cycles from the schedule; {plan}"
     )
     other = Forever(verdict(passed=False), 1, 6)

@@ -234,7 +234,8 @@ _OTHER_COMPILERS: Mapping[str, str] = {
     r"|#\s*include\s*[<\"](?:10|12|16|18)F\w+\.h|\boutput_(?:high|low|toggle|[a-e])\s*\(",
     "mikroC": r"\bs?bit\s+\w+\s+at\b|\b(?:PORT|TRIS)[A-E]\.[FB]\d\b|\b(?:R|TRIS)[A-E]\d_bit\b"
     r"|\b(?:V?Delay_(?:ms|us|Cyc)|Lcd_(?:Init|Out|Cmd|Chr)|Sound_(?:Init|Play)|UART1_\w+)\s*\(",
-    "Arduino": r"#\s*include\s*[<\"]Arduino\.h|\bSerial\.\w+\s*\(|\bvoid\s+setup\s*\(.*\bvoid\s+loop\s*\("
+    "Arduino": r"#\s*include\s*[<\"](?:Arduino|Servo)\.h|\bSerial\.\w+\s*\("
+    r"|\bvoid\s+setup\s*\(.*\bvoid\s+loop\s*\("
     r"|\b(?:pinMode|digital(?:Write|Read)|analog(?:Write|Read)|delayMicroseconds)\s*\(",
 }
 _OUR_HEADER = r"^\s*#\s*include\s*[<\"](?:xc|htc|pic\w*|pic14/\w+|system|boostc)\.h"
