@@ -341,7 +341,7 @@ export class RobotView {
     const across = Math.min(count, Math.max(1, Math.floor(width / (9 * this.text))));
     const down = Math.ceil(count / across);
     const cell = [width / across, (height - top) / down];
-    // The horn is 1.25 radii long, and to the left and right of it stand 0° and 180°.
+    // The horn is 1.15 radii long, and to the left and right of it stand 0° and 180°.
     const radius = Math.min(0.3 * cell[1], (cell[0] / 2 - 2.6 * this.text) / 1.3);
     this.loose.forEach((index, place) => {
       const servo = this.model.servos[index];
@@ -354,7 +354,7 @@ export class RobotView {
         const turn = servo.continuous ? angle : angle - Math.PI;   // 0° to the left, 90° up
         brush.strokeStyle = colour;
         brush.lineWidth = thick;
-        const end = [x + 1.25 * radius * Math.cos(turn), y + 1.25 * radius * Math.sin(turn)];
+        const end = [x + 1.15 * radius * Math.cos(turn), y + 1.15 * radius * Math.sin(turn)];
         brush.beginPath(); brush.moveTo(x, y); brush.lineTo(...end); brush.stroke();
       };
       if (!servo.continuous) this.paintScale(brush, x, y, radius, ink);
