@@ -62,10 +62,11 @@ def test_an_instruction_does_what_the_second_chip_of_the_tests_does(name: str) -
         word = encode(name, **{field: fields[field] for field in by_mnemonic()[name].operands})
         chip = Chip(Image({AT: word}))
         chip.pc, chip.w, chip.ram[RAM - 0x0C], chip.status = AT, w, f, TO_AND_PD | flags_before
+        chip.push(5)
         chip.push(0x155)
         chip.execute()
         one, state = begun(word, {RAM: byte(f), STATUS: byte(TO_AND_PD)})
-        state.w, state.stack = byte(w), (0x155,)
+        state.w, state.stack = byte(w), (5, 0x155)
         state.carry = state.digit_carry = state.zero = Truth(bool(flags_before))
         after = stepped(one, state)
         assert (after.w.value, one.byte(after, RAM).value) == (chip.w, chip.ram[RAM - 0x0C]), (f, w)
