@@ -15,7 +15,7 @@ from servogen.engines.inputs.wire import RESTART_CYCLES, FrameWire, quiet_cycles
 from servogen.engines.player import Playing, playing
 from servogen.engines.player.commanded import commanded
 from servogen.engines.player.legs import LONGEST
-from servogen.engines.player.playing import BUTTONS_BYTES, COMMANDS_BYTES, DATA_BYTES, NEAR
+from servogen.engines.player.playing import BUTTONS_BYTES, COMMANDS_BYTES, DATA_BYTES, NEAR, leg_channels
 from servogen.engines.player.soft_start import with_soft_start
 from servogen.engines.protocol import Engine, EngineJob, EnginePlan
 from servogen.engines.stored_script import eeprom_room
@@ -153,7 +153,9 @@ def _within(job: EngineJob, limit: float) -> _Candidate:
     ways: list[Callable[[EngineJob, float], _Candidate]]
     ways = [_candidate, partial(_candidate, more_bytes=eeprom_room(len(job.servos)) - EEPROM_C)]
     if commander(job.inputs) is None:
-        ways += [_in_halves, partial(_candidate, balanced=True)]
+        ways.append(_in_halves)
+        if not leg_channels(job.servos, job.bindings):  # legs of two servos are rarely held better by poses
+            ways.append(partial(_candidate, balanced=True))
     first: _Candidate | None = None
     held: _Candidate | None = None
     refused: ResourceError | None = None
