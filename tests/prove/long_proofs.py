@@ -1,4 +1,4 @@
-"""Proofs that take from ten seconds to a minute each.
+"""Proofs that take from ten seconds to two minutes each.
 
 `python -m tests.prove.long_proofs` runs them; options are pytest's, as in `-k tape`.
 """
@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 import sys
 from dataclasses import replace
@@ -24,7 +25,8 @@ from servogen.prove import prove_for_all, tape
 from servogen.simulator import Machine
 from servogen.workflows.certificates import second_witness
 from servogen.workflows.engines import planned
-from servogen.workflows.pair import planned_pair
+from servogen.workflows.job_build import build
+from servogen.workflows.pair import build_pair, planned_pair
 from tests.checker import certify
 from tests.checker.test_certificate import refusal
 from tests.engines.stream.stream_soak import JOBS
@@ -36,6 +38,7 @@ from tests.prove.test_contract_proofs import BOTH, EITHER, UNWRITTEN, first_writ
 from tests.prove.test_stream_lemmas import ARM, changed_text
 from tests.prove.test_tape import proof_of, still
 from tests.twin.eighteen import JOB as EIGHTEEN
+from tests.workflows.test_advice import on_two_chips, refused, turning
 
 
 def test_an_eeprom_that_holds_sda_for_a_clock_longer_is_not_covered(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -146,6 +149,30 @@ def test_a_fault_that_no_idle_line_shows_has_a_counterexample(
 def test_a_program_that_lets_an_interrupt_in_has_no_certificate() -> None:
     enabled = certify.plain_program(clear="bsf 0x0b,4\n bsf 0x0b,7")
     assert "a missing edge" in refusal(enabled, certify.schedule())
+
+
+def test_of_a_turn_on_three_joints_a_leg_every_way_out_that_is_said_to_fit_does() -> None:
+    """Shorter steps and a greater limit on one chip, or the same turn on two, which is proven."""
+    error = refused(turning(15))
+    assert error.code == "beyond-max-error" and error.hint is not None
+    (fits,) = re.findall(r"what fits: (.*)", error.hint)
+    turn, on_two, limit = fits.split("; or ")
+    found = re.match(r"turn_deg = ([\d.]+) .* (\d+) words", turn)
+    assert found is not None
+    made = build(plan_job(loads(turning(float(found[1])), "my.toml")))
+    assert made.exact and made.programs[0].firmware.compilation.words == int(found[2])
+    found = re.match(r"max_error_us = (\d+) ", limit)
+    assert found is not None
+    text = turning(15).replace('engine = "player"', f'engine = "player"\nmax_error_us = {found[1]}')
+    assert build(plan_job(loads(text, "my.toml"))).exact
+    found = re.match(
+        r"two chips .*, (.*) and those after it on the second .* (\d+) words or fewer each", on_two
+    )
+    assert found is not None
+    pair = build_pair(plan_job(loads(on_two_chips(turning(15), found[1]), "my.toml")))
+    assert pair.exact
+    assert max(chip.programs[0].firmware.compilation.words for chip in pair.chips) == int(found[2])
+    assert all(proof.checked for proof in pair.proofs().values())
 
 
 if __name__ == "__main__":

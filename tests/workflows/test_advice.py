@@ -354,31 +354,6 @@ def on_two_chips(text: str, last: str) -> str:
     return text[:begin] + "".join(chips) + text[end:]
 
 
-@pytest.mark.campaign
-def test_of_a_turn_on_three_joints_a_leg_every_way_out_that_is_said_to_fit_does() -> None:
-    """Shorter steps and a greater limit on one chip, or the same turn on two, which is proven."""
-    error = refused(turning(15))
-    assert error.code == "beyond-max-error" and error.hint is not None
-    (fits,) = re.findall(r"what fits: (.*)", error.hint)
-    turn, on_two, limit = fits.split("; or ")
-    found = re.match(r"turn_deg = ([\d.]+) .* (\d+) words", turn)
-    assert found is not None
-    made = build(plan_job(loads(turning(float(found[1])), "my.toml")))
-    assert made.exact and made.programs[0].firmware.compilation.words == int(found[2])
-    found = re.match(r"max_error_us = (\d+) ", limit)
-    assert found is not None
-    text = turning(15).replace('engine = "player"', f'engine = "player"\nmax_error_us = {found[1]}')
-    assert build(plan_job(loads(text, "my.toml"))).exact
-    found = re.match(
-        r"two chips .*, (.*) and those after it on the second .* (\d+) words or fewer each", on_two
-    )
-    assert found is not None
-    pair = build_pair(plan_job(loads(on_two_chips(turning(15), found[1]), "my.toml")))
-    assert pair.exact
-    assert max(chip.programs[0].firmware.compilation.words for chip in pair.chips) == int(found[2])
-    assert all(proof.checked for proof in pair.proofs().values())
-
-
 def test_what_two_chips_cannot_hold_is_refused_with_what_they_can(monkeypatch: pytest.MonkeyPatch) -> None:
     def no(*_: object) -> None:
         raise ResourceError("does-not-fit", "no")
