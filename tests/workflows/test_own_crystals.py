@@ -79,7 +79,7 @@ def test_every_run_at_the_limits_of_both_crystals_is_exact_within_the_jitter_of_
     verdict = judge_pair(schedules, images)
     assert verdict.exact and verdict.jitter is not None
     # 20000 cycles at up to 200 ppm, and a look every 2.
-    assert verdict.jitter.allowed_us == (pytest.approx(-4, abs=0.01), pytest.approx(6, abs=0.01))
+    assert [float(each) for each in verdict.jitter.allowed_us] == pytest.approx([-4, 6], abs=0.01)
     least, most = verdict.jitter.seen_us
     assert -4 <= least < 0 < most <= 6
     assert verdict.summary().startswith("both chips: exact in 6 runs, each in its own cycles; chip2's pulses")
