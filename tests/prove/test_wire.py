@@ -13,6 +13,7 @@ from servogen.engines.board import board_of
 from servogen.pic.image import Image
 from servogen.prove import Proof, certificate, prove_for_all
 from servogen.pulse import PulseSchedule
+from servogen.pulse.schedule import ButtonRule, Input
 from servogen.simulator import Machine, SimulatorOptions, parse_stimuli
 from servogen.units import Cycles
 from servogen.workflows.certificates import second_witness
@@ -201,3 +202,19 @@ def test_gpsim_shows_the_same_edges_of_both_chips() -> None:
     text = f'[[level]]\npin = "{WIRE}"\nat_us = {times}\nlevel = {values}\n'
     own = pin_edges(second_chip(), text, board_of(SCHEDULE), 30 * PERIOD)
     assert [(cycle, level * servo) for cycle, _, level in own] == seen
+
+
+BUTTON = Input("RB5", 0)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        replace(SCHEDULE, buttons=ButtonRule(BUTTON, None, True, 1)),
+        replace(SCHEDULE, inputs=(BUTTON,)),
+    ],
+)
+def test_a_schedule_that_also_has_other_inputs_is_not_proven_as_if_it_had_none(other: PulseSchedule) -> None:
+    """The theorem of a wire says nothing of them, and the program does not read them."""
+    found = proven(second_chip(), other)
+    assert not found.proven and "reads other inputs" in found.reason
