@@ -121,21 +121,23 @@ def _load(command: str) -> Command:
     gc.enable()  # see `main`
     part = typer.Typer()
     part.callback()(_options)  # makes it a group, even of a single command
-    settings = {"ignore_unknown_options": _takes_numbers(function)}  # -5 is a number, not an option
-    part.command(command, context_settings=settings, rich_help_panel=PANELS[command])(_spread(function))
+    hints = get_type_hints(function, include_extras=True)
+    settings = {"ignore_unknown_options": _takes_numbers(hints)}  # -5 is a number, not an option
+    spread = _spread(function, hints)
+    part.command(command, context_settings=settings, rich_help_panel=PANELS[command])(spread)
     return typer.main.get_group(part).commands[command]
 
 
-def _takes_numbers(command: Callable[..., None]) -> bool:
-    """Return whether an argument of a command is a number."""
-    hints = get_type_hints(command, include_extras=True).values()
-    facts = [fact for hint in hints for fact in getattr(hint, "__metadata__", ())]
+def _takes_numbers(hints: Mapping[str, Any]) -> bool:
+    """Return whether a parameter of these types is an argument that is a number: those alone have parsers."""
+    facts = [fact for hint in hints.values() for fact in getattr(hint, "__metadata__", ())]
     return any(isinstance(fact, ArgumentInfo) and fact.parser is not None for fact in facts)
 
 
-def _spread(command: Callable[..., None]) -> Callable[..., None]:
-    """Return a command whose parameters that are dataclasses of options are those options, one each."""
-    hints = get_type_hints(command, include_extras=True)
+def _spread(command: Callable[..., None], hints: Mapping[str, Any]) -> Callable[..., None]:
+    """Return a command whose parameters that are dataclasses of options are those options, one each; `hints`
+    are the types of all.
+    """
     groups = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
     parameters: list[inspect.Parameter] = []
     for name, parameter in inspect.signature(command).parameters.items():
@@ -230,15 +232,8 @@ def run() -> int:
 
 
 MEANT = {"upload": "flash", "program": "flash", "burn": "flash", "run": "simulate", "sim": "simulate"}
-MEANT |= {
-    "init": "new",
-    "create": "new",
-    "asm": "assemble",
-    "cc": "compile",
-    "ui": "watch",
-    "show": "watch",
-    "labs": "handout",
-}
+MEANT |= {"init": "new", "create": "new", "asm": "assemble", "cc": "compile", "labs": "handout"}
+MEANT |= {"ui": "watch", "show": "watch"}
 """What other tools call a command."""
 BY_LETTERS = re.compile(r"\. Did you mean .*$")
 HELP_ALONE = re.compile(r" \(Possible options: --help\)$")

@@ -134,11 +134,11 @@ class _Prover:
 
     def prove(self, cuts: Mapping[int, Guess] | None) -> Proof:
         """Return the answer: search, add what the search asks for, and search again until it is decided."""
-        if self._schedule.wire is not None and not isinstance(self._spec, FollowedWire):
-            return self._result(None, None, "the wire from another chip cannot be held at one level")
-        others = self._schedule.inputs or self._schedule.buttons or self._schedule.commands
-        if self._schedule.wire is not None and others:
-            return self._result(None, None, "a program that follows a wire and reads other inputs")
+        if self._schedule.wire is not None:
+            if not isinstance(self._spec, FollowedWire):
+                return self._result(None, None, "the wire from another chip cannot be held at one level")
+            if self._schedule.inputs or self._schedule.buttons or self._schedule.commands:
+                return self._result(None, None, "a wire is not covered in a program that reads other inputs")
         if self._schedule.tape is not None and self._quantifiers.any_eeprom:
             return self._result(None, None, "any EEPROM: the trims of a tape are not covered")
         unfit = self._unfit_oscillator()

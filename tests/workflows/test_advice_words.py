@@ -194,6 +194,3 @@ def test_a_frame_that_is_too_short_is_added_up(motion: PlannedJob, monkeypatch: 
         "minimum_us": 6200.0,
         "period_us": 20_000.0,
     }
-
-
-# Narrower limits. A Futaba S3001 takes 1000 µs at 0° and 500 µs more for each 90°.
