@@ -171,10 +171,11 @@ def progress(label: str, total: int) -> Iterator[Callable[[int], None]]:
         yield lambda completed: None
         return
     from rich.console import Console
+    from rich.markup import escape
     from rich.progress import Progress
 
     with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(label, total=total)
+        task = bar.add_task(escape(label), total=total)
         yield lambda completed: bar.update(task, completed=completed)
 
 
@@ -185,6 +186,7 @@ def status(text: str) -> Iterator[Callable[[str], None]]:
         yield lambda text: None
         return
     from rich.console import Console
+    from rich.markup import escape
 
-    with Console(stderr=True).status(text) as shown:
-        yield shown.update
+    with Console(stderr=True).status(escape(text)) as shown:
+        yield lambda text: shown.update(escape(text))

@@ -11,6 +11,7 @@ import pytest
 
 from servogen.cli import show
 from servogen.errors import Diagnostic, InputError, Location, SourceLines
+from tests.watch.browser import wait
 
 Text = pytest.CaptureFixture[str]
 ONE = Diagnostic("warning", "one", "first", Location("a.c", 2, 3))
@@ -114,12 +115,14 @@ def test_progress_and_status_are_for_terminals(monkeypatch: pytest.MonkeyPatch, 
     terminal.isatty = lambda: True
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setattr(sys, "stderr", terminal)
-    with show.progress("label", 10) as tell:
+    with show.progress("label [[chip]]", 10) as tell:
         tell(5)
-    assert "label" in terminal.getvalue()
+    assert "label [[chip]]" in terminal.getvalue()
     assert " 50%" in terminal.getvalue()
-    with show.status("text") as change:
-        change("other")
+    with show.status("text of [a].toml") as change:
+        change("other [b]")
+        wait(lambda: "other [b]" in terminal.getvalue())  # it is drawn ten times a second
+    assert "text of [a].toml" in terminal.getvalue()
     assert capsys.readouterr().out == ""
 
 
