@@ -9,9 +9,13 @@ import sys
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from servogen.errors import Diagnostic, ServogenError, SourceLines, rendered
 from servogen.units import counted
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 SPACE, EDGE = 3, 1
 """The blanks beside each column of a table, and one more at its edge."""
@@ -170,12 +174,10 @@ def progress(label: str, total: int) -> Iterator[Callable[[int], None]]:
     if not sys.stderr.isatty():
         yield lambda completed: None
         return
-    from rich.console import Console
-    from rich.markup import escape
     from rich.progress import Progress
 
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(escape(label), total=total)
+    with Progress(console=_error_console(), transient=True) as bar:
+        task = bar.add_task(_as_it_is(label), total=total)
         yield lambda completed: bar.update(task, completed=completed)
 
 
@@ -185,8 +187,18 @@ def status(text: str) -> Iterator[Callable[[str], None]]:
     if not sys.stderr.isatty():
         yield lambda text: None
         return
+    with _error_console().status(_as_it_is(text)) as shown:
+        yield lambda text: shown.update(_as_it_is(text))
+
+
+def _error_console() -> Console:
     from rich.console import Console
+
+    return Console(stderr=True)
+
+
+def _as_it_is(text: str) -> str:
+    """Return a text in which rich takes no [name] for its markup."""
     from rich.markup import escape
 
-    with Console(stderr=True).status(escape(text)) as shown:
-        yield lambda text: shown.update(escape(text))
+    return escape(text)

@@ -120,9 +120,9 @@ def test_progress_and_status_are_for_terminals(monkeypatch: pytest.MonkeyPatch, 
     assert "label [[chip]]" in terminal.getvalue()
     assert " 50%" in terminal.getvalue()
     with show.status("text of [a].toml") as change:
+        wait(lambda: "text of [a].toml" in terminal.getvalue())
         change("other [b]")
         wait(lambda: "other [b]" in terminal.getvalue())  # it is drawn ten times a second
-    assert "text of [a].toml" in terminal.getvalue()
     assert capsys.readouterr().out == ""
 
 
