@@ -118,5 +118,6 @@ def flash(
     if chosen.number == 1:
         print(next_step("flash", built, "--chip", 2))
     else:
-        schedule = ("--against", path) if path else ()
+        against = built if chosen.number == 2 else path  # a capture of two chips has the pins of both
+        schedule = ("--against", against) if against else ()
         print(next_step("capture", "--port", "PORT", "-o", "capture.vcd", *schedule))

@@ -134,7 +134,7 @@ def test_flash_programs_the_chosen_one_of_two_chips(
     ran = run("flash", pair_folder, "--chip", number)
     built = pair_folder / f"chip{number}" / "main.hex"
     assert (ran.code, flashed["check"][0], flashed["order"].file) == (0, built, built)
-    after = f"flash {pair_folder} --chip 2", "capture --port PORT -o capture.vcd"
+    after = f"flash {pair_folder} --chip 2", f"capture --port PORT -o capture.vcd --against {pair_folder}"
     assert ran.out.splitlines()[-1] == f"next: servogen {after[number - 1]}"
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from shutil import which
+from typing import Any
 
 import pytest
 
@@ -116,7 +117,7 @@ def test_the_checker_refuses_the_right_programs_certificate_for_another_one(righ
         check_certificate(claim, image, text, "schedule.json")
 
 
-OTHER_RULES = {
+OTHER_RULES: dict[str, dict[str, Any]] = {
     "the pulses come a cycle later": {"cycles": Cycles(11)},
     "the first frame is another": {"frames": 2},
     "less counts as quiet": {"quiet": Cycles(QUIET - 16)},
@@ -183,7 +184,7 @@ def logged(number: int, image: Image, changes: list[tuple[int, int, int]]) -> li
     schedule = schedules()[number]
     start = Machine(image, schedule.clock, board_of(schedule)).state()
     servos = [channel.pin for channel in schedule.channels]
-    edges = gpsim_levels(image, start, [(cycle - 1, *rest) for cycle, *rest in changes], 30 * PERIOD, servos)
+    edges = gpsim_levels(image, start, [(cycle - 1, pin, level) for cycle, pin, level in changes], 30 * PERIOD, servos)
     return [(cycle + 1, levels) for cycle, levels in edges]
 
 
