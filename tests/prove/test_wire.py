@@ -184,7 +184,9 @@ def logged(number: int, image: Image, changes: list[tuple[int, int, int]]) -> li
     schedule = schedules()[number]
     start = Machine(image, schedule.clock, board_of(schedule)).state()
     servos = [channel.pin for channel in schedule.channels]
-    edges = gpsim_levels(image, start, [(cycle - 1, pin, level) for cycle, pin, level in changes], 30 * PERIOD, servos)
+    edges = gpsim_levels(
+        image, start, [(cycle - 1, pin, level) for cycle, pin, level in changes], 30 * PERIOD, servos
+    )
     return [(cycle + 1, levels) for cycle, levels in edges]
 
 
