@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from servogen.compiler.ast import nodes as tree
 from servogen.compiler.ast.types import FloatType, IntType, PointerType
+from servogen.compiler.ast.walk import VALUES, evaluated
 
 MIRRORED = {"<": ">", ">": "<", "<=": ">=", ">=": "<=", "==": "==", "!=": "!="}
 """The comparison that holds for exchanged operands."""
@@ -156,24 +157,15 @@ def has_effect(expr: tree.Expr) -> bool:
     """Return whether evaluating an expression does more than yield a value; reading a volatile object
     counts.
     """
+    return any(map(_acts, evaluated(expr)))
+
+
+def _acts(expr: tree.Expr) -> bool:
     match expr:
-        case tree.Num():
-            return False
-        case tree.Ref(symbol=symbol, index=index):
-            return symbol.volatile or expr.type.volatile or (index is not None and has_effect(index))
-        case tree.Deref(pointer=pointer):
-            return expr.type.volatile or has_effect(pointer)
-        case tree.Cast(operand) | tree.Unary(_, operand):
-            return has_effect(operand)
-        case tree.Binary(_, left, right) | tree.Logic(_, left, right) | tree.Comma(left, right):
-            return has_effect(left) or has_effect(right)
-        case tree.Choice(condition, yes, no):
-            return has_effect(condition) or has_effect(yes) or has_effect(no)
-        case tree.Builtin(name, arguments) if name in tree.FLOAT_OPERATIONS:
-            return any(has_effect(argument) for argument in arguments)
-    target = getattr(expr, "target", None)
-    return not (
-        type(expr).__name__ == "AddressOf"
-        and target is not None
-        and (target.index is None or not has_effect(target.index))
-    )
+        case tree.Ref(symbol):
+            return symbol.volatile or expr.type.volatile
+        case tree.Deref():
+            return expr.type.volatile
+        case tree.Builtin(name):
+            return name not in tree.FLOAT_OPERATIONS
+    return not isinstance(expr, VALUES)

@@ -26,6 +26,13 @@ CHILD_FIELDS = {
 """The fields that may hold nodes, last first, by the class of a node."""
 
 
+VALUES = (
+    *(tree.Num, tree.Ref, tree.Deref, tree.AddressOf, tree.Cast, tree.Unary),
+    *(tree.Binary, tree.Logic, tree.Comma, tree.Choice),
+)
+"""The expressions that change nothing by themselves."""
+
+
 def nodes(root: object) -> Iterator[object]:
     """Yield a statement or an expression, and all below it; of a list or tuple, those of its elements."""
     waiting = [root]
@@ -43,6 +50,17 @@ def nodes(root: object) -> Iterator[object]:
 def expressions(root: object) -> Iterator[Expr]:
     """Yield every expression in a statement or expression, including itself."""
     return filter(_is_expression, nodes(root))
+
+
+def evaluated(root: Expr) -> Iterator[Expr]:
+    """Yield an expression and all below it that are evaluated with it: of an address, the index, but not the
+    object that is there.
+    """
+    addressed: Expr | None = None
+    for expr in expressions(root):
+        if expr is not addressed:
+            yield expr
+        addressed = expr.target if isinstance(expr, tree.AddressOf) else None  # which comes next
 
 
 def _is_expression(node: object) -> TypeGuard[Expr]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from servogen.compiler.ast import nodes as tree
 from servogen.compiler.ast.constant_folding import COMPARISONS
 from servogen.compiler.ast.types import IntType
+from servogen.compiler.ast.walk import VALUES, evaluated
 from servogen.compiler.ir.instruction import Byte, Loc, Reg
 
 
@@ -25,22 +26,7 @@ def changes(expr: tree.Expr) -> bool:
     """Return whether evaluating an expression may change a variable; reading a volatile one does not
     count.
     """
-    match expr:
-        case tree.Num():
-            return False
-        case tree.Ref(index=index):
-            return index is not None and changes(index)
-        case tree.Deref(pointer):
-            return changes(pointer)
-        case tree.AddressOf(target):
-            return changes(target)
-        case tree.Cast(operand) | tree.Unary(_, operand):
-            return changes(operand)
-        case tree.Binary(_, left, right) | tree.Logic(_, left, right) | tree.Comma(left, right):
-            return changes(left) or changes(right)
-        case tree.Choice(condition, yes, no):
-            return changes(condition) or changes(yes) or changes(no)
-    return True
+    return not all(isinstance(part, VALUES) for part in evaluated(expr))
 
 
 def in_flash(expr: tree.Ref | tree.Deref) -> bool:
@@ -50,68 +36,36 @@ def in_flash(expr: tree.Ref | tree.Deref) -> bool:
 
 def calls_something(expr: tree.Expr) -> bool:
     """Return whether evaluating an expression may call a function or a library routine."""
+    return any(map(_calls, evaluated(expr)))
+
+
+def _calls(expr: tree.Expr) -> bool:
     match expr:
-        case tree.Num():
-            return False
-        case tree.Ref(_, _, index):
-            return in_flash(expr) or (index is not None and calls_something(index))
-        case tree.Deref(pointer):
-            return in_flash(expr) or calls_something(pointer)
-        case tree.AddressOf(target):
-            return target.index is not None and calls_something(target.index)
-        case tree.Cast(operand) | tree.Unary(_, operand):
-            return calls_something(operand)
-        case tree.Binary(op, left, right):
-            return op in ("*", "/", "%") or calls_something(left) or calls_something(right)
-        case tree.Logic(_, left, right) | tree.Comma(left, right):
-            return calls_something(left) or calls_something(right)
-        case tree.Choice(condition, yes, no):
-            return calls_something(condition) or calls_something(yes) or calls_something(no)
-        case tree.Assign(target, value):
-            return calls_something(target) or calls_something(value)
-        case tree.Update(_, target, value):
-            return expr.op in ("*", "/", "%") or calls_something(target) or calls_something(value)
-    return True
+        case tree.Ref() | tree.Deref():
+            return in_flash(expr)
+        case tree.Binary(op) | tree.Update(op):
+            return op in ("*", "/", "%")
+    return not isinstance(expr, (*VALUES, tree.Assign))
 
 
 def touches(expr: tree.Expr, locs: list[Loc]) -> bool:
     """Return whether evaluating `expr` may read or change one of the bytes (given as symbols of the tree)."""
     symbols = {loc.symbol for loc in locs if isinstance(loc, Byte)}
     registers = any(isinstance(loc, Reg) for loc in locs)
-    return _touches(expr, symbols, registers)
+    return any(_touches(part, symbols, registers) for part in evaluated(expr))
 
 
 def _touches(expr: tree.Expr, symbols: set[tree.Symbol], registers: bool) -> bool:
-    """Return whether an expression may access one of the symbols, or a register if `registers`."""
+    """Return whether an expression itself may access one of the symbols, or a register if `registers`."""
     match expr:
-        case tree.Num():
-            return False
-        case tree.Ref(symbol, _, index):
-            here = symbol in symbols or (registers and symbol.kind == "fixed")
-            return here or (index is not None and _touches(index, symbols, registers))
-        case tree.Deref(pointer):
-            return (
-                registers
-                or any(watched.pinned for watched in symbols)
-                or _touches(pointer, symbols, registers)
-            )
-        case tree.AddressOf(target):
-            return target.index is not None and _touches(target.index, symbols, registers)
-        case tree.Cast(operand) | tree.Unary(_, operand):
-            return _touches(operand, symbols, registers)
-        case tree.Binary(_, left, right) | tree.Logic(_, left, right) | tree.Comma(left, right):
-            return _touches(left, symbols, registers) or _touches(right, symbols, registers)
-        case tree.Choice(condition, yes, no):
-            return any(_touches(part, symbols, registers) for part in (condition, yes, no))
-        case tree.Assign(target, value) | tree.Update(_, target, value):
-            return _touches(target, symbols, registers) or _touches(value, symbols, registers)
-        case tree.Call(_, arguments):
-            # a callee reaches what is static or has its address taken, and its arguments
-            outside = registers or any(watched.static or watched.pinned for watched in symbols)
-            return outside or any(_touches(argument, symbols, registers) for argument in arguments)
-        case tree.Builtin(_, arguments):
-            return any(_touches(argument, symbols, registers) for argument in arguments)
-    return True
+        case tree.Ref(symbol):
+            return symbol in symbols or (registers and symbol.kind == "fixed")
+        case tree.Deref():
+            return registers or any(watched.pinned for watched in symbols)
+        case tree.Call():
+            # a callee reaches what is static or has its address taken
+            return registers or any(watched.static or watched.pinned for watched in symbols)
+    return not isinstance(expr, (*VALUES, tree.Assign, tree.Update, tree.Builtin))
 
 
 def stripped(expr: tree.Expr) -> tree.Expr:
