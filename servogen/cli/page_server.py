@@ -59,7 +59,7 @@ def serve_until_ctrl_c(server: WatchServer, name: str, port: int, browser: bool)
 @contextmanager
 def serving(attach: Attach) -> Iterator[str]:
     """Serve editors in a thread until the block ends; yield the address. Raises ToolError without the
-    server's package.
+    server's package, and what has ended the server before the block.
     """
     require_server()
     import asyncio
@@ -79,9 +79,7 @@ def serving(attach: Attach) -> Iterator[str]:
             with suppress(asyncio.CancelledError):
                 asyncio.run(serve())
         except Exception as error:
-            begun.put(error)  # for the thread that waits for the address
-            if not isinstance(error, OSError):
-                raise
+            begun.put(error)  # for whoever waits for the address, or for the end
 
     thread = threading.Thread(target=run, daemon=True)
     thread.start()
@@ -94,5 +92,9 @@ def serving(attach: Attach) -> Iterator[str]:
     try:
         yield url
     finally:
-        end()
+        with suppress(RuntimeError):  # the server has ended by itself
+            end()
         thread.join()
+    error = None if begun.empty() else begun.get()
+    if isinstance(error, Exception):
+        raise error

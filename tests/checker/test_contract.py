@@ -199,6 +199,18 @@ def test_no_hint_makes_a_wrong_program_right() -> None:
                 check_contract(program, contract, CLOCK, Hints(cuts, inputs))
 
 
+def test_a_byte_that_decides_nothing_is_forgotten_where_the_hints_say_so() -> None:
+    program = image(
+        " clrf 0x20\n clrf PORTB\n bsf STATUS, RP0\n clrf TRISB\n bcf STATUS, RP0\n"
+        "again incf 0x20, f\n bsf PORTB, 1\n bcf PORTB, 1\n goto again\n"
+    )
+    contract = '[[pulse]]\npin = "RB1"\nhigh_us = [1, 1]\n'
+    given = hints(program, contract)
+    kept = Hints(dict.fromkeys(given.cuts, frozenset()), given.inputs)
+    few, many = (check_contract(program, contract, CLOCK, each).states for each in (given, kept))
+    assert few < 256 <= many
+
+
 CLAUSES = {
     "pulse": '[[pulse]]\npin = "RB1"\nhigh_us = [2, 9]\nlow_us = [1, 12]\nperiod_us = [4, 15]\n',
     "response": '[[response]]\nwhen = "RB1 falls"\nthen = "RB2 changes"\nwithin_us = [1, 14]\n',

@@ -173,6 +173,20 @@ def test_a_server_prints_its_address_and_perhaps_opens_it(
     assert opened == ["http://localhost:123/"] * browser
 
 
+@pytest.mark.parametrize("before", [True, False])
+def test_what_ends_a_server_of_editors_is_raised(monkeypatch: pytest.MonkeyPatch, before: bool) -> None:
+    async def run(self: object, port: int, ready: Any) -> None:
+        if not before:
+            ready("the address")
+        raise LookupError("gone")
+
+    monkeypatch.setattr(server.WatchServer, "run", run)
+    begun: list[Any] = []
+    with pytest.raises(LookupError, match="gone"), page_server.serving(lambda send: begun.append) as url:
+        begun.append(url)
+    assert begun == ["the address"] * (not before)
+
+
 def test_a_port_that_is_in_use_is_an_error_of_the_bench() -> None:
     async def serve(port: int, ready: Any) -> None:
         raise OSError(98, "Address already in use")

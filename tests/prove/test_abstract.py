@@ -306,6 +306,13 @@ def test_an_assumed_bit_decides_the_next_instruction(source: str, field: str, bi
             assert state[field] & 1 << bit == (0 if steer else level << bit)
 
 
+def test_what_is_not_assumed_of_a_byte_decides_later() -> None:
+    chip = chip_of(" btfsc 0x30, 5\n nop\n btfsc 0x30, 5\n nop\n btfsc 0x30, 4\n")
+    for steer, address in ((False, 4), (True, 2)):
+        outcome = chip.run(chip.power_on(), frozenset(), 100, (AssumedBits("0x30", 1 << 5, 0, steer),))
+        assert outcome.use == Use(at.USE_SKIP, 0, address)
+
+
 @pytest.mark.parametrize("flag", [0x01, 0x02, 0x04])
 @pytest.mark.parametrize(("instruction", "cycles"), [("nop", 1), ("goto 0x0B", 2)])
 def test_an_interrupt_that_may_come_is_a_use_and_comes_if_it_is_assumed(
@@ -465,15 +472,23 @@ def test_chips_that_change_what_is_not_compared_do_not_fit(body: str, fit: bool)
 
 
 def test_tmr0_after_an_instruction_with_an_assumed_count() -> None:
-    """CLRF writes it; MOVF does not, so that after it nothing is known of the count."""
+    """CLRF writes it; MOVF does not, so that after it nothing is known of the count but its distance from
+    another PHASED byte, 7 here.
+    """
     for instruction, known in (("movf TMR0, w", False), ("clrf TMR0", True), ("movwf TMR0", True)):
         options = SimulatorOptions(start=(("w", 9),))
         chip = AbstractChip(image(f" {instruction}\n nop\n"), CLOCK, options, held={4: 0})
         first = chip.power_on()
-        state = chip.run(first, frozenset([1]), 1, (AssumedBits("TMR0", 0xFF, 0x40),)).state(first)
+        assumed = AssumedBits("TMR0", 0xFF, 0x40)
+        state = chip.run(first, frozenset([1]), 1, (assumed,)).state(first)
         assert state["TMR0_UNKNOWN"] == (0 if known else 0xFF)
         assert state["W"] == (0x40 if not known else 9)
         assert state["TMR0"] == (9 if "movwf" in instruction else 0)
+        moving = [{"TMR0": 7, "TMR0_UNKNOWN": at.PHASED}.get(name, first[name]) for name in FIELD]
+        state = chip.run(ChipState(first.ram, tuple(moving)), frozenset([1]), 1, (assumed,)).state(first)
+        assert (state["TMR0_UNKNOWN"], state["TMR0"]) == (
+            (0, 9 if "movwf" in instruction else 0) if known else (at.PHASED, 7)
+        )
 
 
 def test_a_sleeping_chip_is_run_for_the_assumed_instruction_only() -> None:

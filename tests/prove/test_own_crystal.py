@@ -30,8 +30,11 @@ def right() -> Proof:
 
 
 def test_each_frame_follows_the_look_that_sees_its_rise_whatever_the_wire_does(right: Proof) -> None:
-    assert right.proven, right.reason
-    assert second_witness(right, own_second_chip(), SCHEDULE, TEXT).text == "proven, checked"
+    """Also where the first rise is awaited as seldom as may be, every 4 cycles."""
+    seldom = own_second_chip("rise    btfss", "rise    nop\n        btfss")
+    for image, proof in ((own_second_chip(), right), (seldom, proven(seldom))):
+        assert proof.proven, proof.reason
+        assert second_witness(proof, image, SCHEDULE, TEXT).text == "proven, checked"
 
 
 def test_looks_begin_before_any_rise_that_was_seen_four_cycles_late_and_end_after_the_latest() -> None:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import pytest
 
 from servogen.edges import HIGH
-from servogen.simulator import Machine, SimulatorOptions
+from servogen.simulator import Levels, Machine, SimulatorOptions, Stimuli
+from servogen.simulator.sources import pin_number
+from servogen.simulator.stimulus import PIECE
 from tests.simulator.helpers import CLOCK, edges, image, machine, ram, steps
 
 WATCHDOG_ON = "        __config _XT_OSC & _WDT_ON & _PWRTE_OFF\n"
@@ -190,6 +192,35 @@ def test_long_waits_on_t0if_are_exact() -> None:
         slow.step()
     assert ram(fast, 0x20) == ram(slow, 0x20) == 4
     assert fast.fingerprint() == slow.fingerprint()
+
+
+def test_many_overflows_at_once_leave_what_each_by_itself_does() -> None:
+    """T0IF is due the second time in cycle 519: TMR0 counts from cycle 8 on."""
+    source = option(0x88) + " clrf TMR0\n" + " nop\n" * 520
+    for cycle in range(515, 523):
+        fast, slow = machine(source), steps(machine(source), cycle)
+        fast.run(cycle)
+        assert fast.fingerprint() == slow.fingerprint()
+
+
+def test_a_time_out_in_the_cycle_in_which_more_changes_are_asked_for_comes() -> None:
+    period = PIECE + 100
+    changes = Levels(pin_number("RB0"), [*((n, n % 2) for n in range(PIECE)), (period, 1)])
+    options = SimulatorOptions(watchdog_us=period)
+    chip = Machine(image(option(0x88) + " goto $\n", WATCHDOG_ON), CLOCK, options, Stimuli([changes]))
+    chip.run(period)
+    assert chip.state().resets["watchdog"] == 1
+
+
+def test_the_watchdog_counts_nothing_while_mclr_is_low_though_one_looks() -> None:
+    """From the release on it has the prescaler of a reset, 1:128 (DS35007 register 2-2)."""
+    changes = [(50, "MCLR", 0), (1000, "MCLR", 1)]
+    chip = machine(" goto $\n", SimulatorOptions(watchdog_us=100), changes, WATCHDOG_ON)
+    chip.run(300)
+    chip.run(1000 + 128 * 100 - 1 - 300)
+    assert chip.state().resets["watchdog"] == 0
+    chip.run(1)
+    assert chip.state().resets["watchdog"] == 1
 
 
 def test_any_wake_up_starts_the_watchdog_anew_section_6_11_2() -> None:

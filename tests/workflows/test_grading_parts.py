@@ -185,6 +185,9 @@ ON_SOME_CHIPS = {
         "TRISB = 0x80; PORTB = 0; if (RB7) while (1);", ""),
     "if the EEPROM holds what the run before has left (0x01 at 0x05), there are no pulses for the servo": (
         "TRISB = 0; PORTB = 0; if (eeprom_read(5) == 1) while (1); eeprom_write(5, 1);", ""),
+    "if the EEPROM holds what the run before has left (0x07 at 0x01, 0x07 at 0x02, 0x07 at 0x03, …), there": (
+        "TRISB = 0; PORTB = 0; if (eeprom_read(4) == 7) while (1);"
+        "for (n = 1; n < 5; n++) eeprom_write(n, 7);", ""),
     "if the EEPROM holds what the run before has left (0x02 at 0x05), there are no pulses for the servo": (
         "TRISB = 0; PORTB = 0; n = eeprom_read(5) + 1; eeprom_write(5, n); if (n == 3) while (1);", ""),
     "if the chip's watchdog times out after 7 ms, the watchdog resets the chip": (

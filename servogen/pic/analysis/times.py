@@ -101,14 +101,13 @@ class ProgramTimes:
         addresses: list[int] = []
         for start in starts:
             times = self._program.between(start, ends, must_end=must_end)
-            unbounded = list(times.unbounded)
             if times.shortest is not None:
                 minimum = times.shortest if minimum is None else min(minimum, times.shortest)
-            if unbounded or times.longest is None:
+            if times.longest is None:
                 maximum = None
-                reasons += [in_words(loop) for loop in unbounded]
-                addresses += [address for loop in unbounded for address in loop.addresses]
-                if not unbounded:
+                reasons += [in_words(loop) for loop in times.unbounded]
+                addresses += [address for loop in times.unbounded for address in loop.addresses]
+                if not times.unbounded:
                     reasons.append(f"no path from 0x{start:03X} gets there")
                     addresses.append(start)
             elif maximum is not None:
@@ -144,11 +143,8 @@ class ProgramTimes:
             return None, why
         ahead = 3 * self._added() * self._prescale()
         times = self._program.between(INTERRUPT_VECTOR, self._interrupt_ends(), must_end=True)
-        if times.longest is None or times.unbounded:
-            return (
-                None,
-                f"the interrupt: {', '.join(map(in_words, times.unbounded)) or 'it never returns'}",
-            )
+        if times.longest is None:
+            return None, f"the interrupt: {', '.join(map(in_words, times.unbounded)) or 'it never returns'}"
         # 2: the RETFIE with which the interrupt's code ends, at which the measured time stops.
         one = times.longest + 2 + LATENCY
         # The least solution is approached from below; the bound only grows, so the first fixed point is the

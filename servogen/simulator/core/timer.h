@@ -157,7 +157,8 @@ static inline void wdt_sync(Chip *s, i64 cycle)
 static void settle_counters(Chip *s, i64 cycle)
 {
     t0_sync(s, cycle);
-    if (cycle < wdt_deadline(s))
+    /* In reset the watchdog does not count; a time-out that is due in this very cycle is still to come. */
+    if (!s->in_reset && cycle < wdt_deadline(s))
         wdt_sync(s, cycle);
 }
 

@@ -41,7 +41,9 @@ def test_an_import_keeps_every_frame_of_an_animation(tmp_path: Path) -> None:
     file = tmp_path / "dance.json"
     file.write_text(json.dumps(export))
     base = text().replace("soft_start_s = 0.1", "soft_start_s = 0")
-    result = imported(read(file), ({}, "deg"), base, "t.toml", False, lambda step: None)
+    told: list[str] = []
+    result = imported(read(file), ({}, "deg"), base, "t.toml", False, told.append)
+    assert told == ["reducing", f"planning {result.poses} poses"]
     assert result.poses >= frames - 2 and result.played is not None
     schedule = result.played.plan.schedule
     rows = [run.pulses for run in (*schedule.lead_in, *schedule.loop) for _ in range(run.frames)]
