@@ -1,8 +1,8 @@
 """The controller: executes statements in order, direct ones immediately, programs line by line.
 
 In: statements, one after another. Out: the resulting contents of `Mover`, `Memory` and the output record.
-Each command is a function of the controller and the statement, found in `ACTIONS` by its mnemonic. A
-program that does not end is stopped after a number of commands or of frames.
+What each command does to the controller is a row of `ACTIONS`, by its mnemonic. A program that does not end is
+stopped after a number of commands or of frames.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from fractions import Fraction
 import numpy as np
 
 from servogen.errors import Diagnostic, InputError
+from servogen.graph import reached
 from servogen.movemaster.arm import Mover
 from servogen.movemaster.language import MAX_DEPTH, POSITIONS
 from servogen.movemaster.memory import CLOSED, OPEN, InputPort, Memory, Output, StoredPosition, ToolPose
@@ -267,12 +268,7 @@ class Flow:
                     loops.append((index, depth))
                 for target in self._after(index):
                     before.setdefault((target, deeper), []).append((index, depth))
-        closed = set(loops)
-        while loops:
-            for state in before.get(loops.pop(), ()):
-                if state not in closed:
-                    closed.add(state)
-                    loops.append(state)
+        closed = set(reached(loops, lambda state: before.get(state, ())))
         # The loop's first line, with one loop open, must lead to the NX that closes it.
         for index in sorted(self._run()):
             line = self._lines[index]
@@ -298,17 +294,12 @@ class Flow:
 
     def _run(self) -> set[int]:
         """Return the lines that can be reached from the beginning of the program."""
-        waiting = [self._next] if self._next not in (self._end, len(self._lines)) else []
-        seen = set(waiting)
-        while waiting:
-            index = waiting.pop()
+
+        def followers(index: int) -> list[int]:
             line, targets = self._lines[index], self._after(index)
-            if _mnemonic(line) == "GS":
-                targets.append(self._index[line.whole(JUMPS["GS"])])
-            fresh = [target for target in targets if target not in seen]
-            seen.update(fresh)
-            waiting += fresh
-        return seen
+            return [*targets, self._index[line.whole(JUMPS["GS"])]] if _mnemonic(line) == "GS" else targets
+
+        return set(reached([] if self._next in (self._end, len(self._lines)) else [self._next], followers))
 
     def _known(self, number: int) -> str:
         numbers = [line.number or 0 for line in self._lines]
@@ -339,12 +330,8 @@ def _go_to_position(controller: Controller, number: int) -> None:
     controller.current = number
 
 
-def _dp(controller: Controller, _: ProgramLine) -> None:
-    _go_to_position(controller, controller.memory.neighbour(controller.current, -1))
-
-
-def _ip(controller: Controller, _: ProgramLine) -> None:
-    _go_to_position(controller, controller.memory.neighbour(controller.current, 1))
+def _go_to_neighbour(controller: Controller, step: int) -> None:
+    _go_to_position(controller, controller.memory.neighbour(controller.current, step))
 
 
 def _dw(controller: Controller, statement: ProgramLine) -> None:
@@ -408,10 +395,6 @@ def _mo(controller: Controller, statement: ProgramLine) -> None:
     controller.current = number
 
 
-def _mp(controller: Controller, statement: ProgramLine) -> None:
-    controller.mover.go(_pose(statement, 0), "the pose")
-
-
 def _ms(controller: Controller, statement: ProgramLine) -> None:
     number = statement.whole(0)
     position = controller.memory.position(number)
@@ -469,60 +452,20 @@ def _px(controller: Controller, statement: ProgramLine) -> None:
     controller.memory.positions[one], controller.memory.positions[two] = second, first
 
 
-def _sf(controller: Controller, statement: ProgramLine) -> None:
-    controller.memory.shift(statement.whole(0), statement.whole(1))
-
-
 def _sp(controller: Controller, statement: ProgramLine) -> None:
     controller.mover.speed = statement.whole(0)
-
-
-def _ti(controller: Controller, statement: ProgramLine) -> None:
-    controller.mover.wait_s(Fraction(statement.whole(0), 10))
-
-
-def _tl(controller: Controller, statement: ProgramLine) -> None:
-    controller.mover.set_tool_mm(statement.decimal(0))
 
 
 def _cp(controller: Controller, statement: ProgramLine) -> None:
     controller.memory.comparison = controller.memory.counters.get(statement.whole(0), 0)
 
 
-def _dc(controller: Controller, statement: ProgramLine) -> None:
-    controller.memory.count(statement.whole(0), -1)
-
-
-def _ic(controller: Controller, statement: ProgramLine) -> None:
-    controller.memory.count(statement.whole(0), 1)
-
-
 def _sc(controller: Controller, statement: ProgramLine) -> None:
     controller.memory.counters[statement.whole(0)] = statement.whole(1) if statement.has(1) else 0
 
 
-def _ed(controller: Controller, _: ProgramLine) -> None:
-    controller.flow.end()
-
-
-def _gt(controller: Controller, statement: ProgramLine) -> None:
-    controller.flow.go_to(statement.whole(0))
-
-
-def _gs(controller: Controller, statement: ProgramLine) -> None:
-    controller.flow.call(statement.whole(0))
-
-
-def _rt(controller: Controller, _: ProgramLine) -> None:
-    controller.flow.give_back()
-
-
-def _rc(controller: Controller, statement: ProgramLine) -> None:
-    controller.flow.open_loop(statement, statement.whole(0))
-
-
-def _nx(controller: Controller, _: ProgramLine) -> None:
-    controller.flow.close_loop()
+def _second(statement: ProgramLine) -> int | None:
+    return statement.whole(1) if statement.has(1) else None
 
 
 def _jump_if(holds: Callable[[int, int], bool]) -> Action:
@@ -541,25 +484,9 @@ def _tb(controller: Controller, statement: ProgramLine) -> None:
         controller.flow.go_to(statement.whole(1))
 
 
-def _rn(controller: Controller, statement: ProgramLine) -> None:
-    controller.run_program(statement.whole(0), statement.whole(1) if statement.has(1) else None)
-
-
 def _nw(controller: Controller, _: ProgramLine) -> None:
     controller.program.clear()
     controller.memory.clear(*POSITIONS)
-
-
-def _rs(_controller: Controller, _: ProgramLine) -> None:
-    """Do nothing: an error ends the run, so there is never one to clear."""
-
-
-def _gc(controller: Controller, _: ProgramLine) -> None:
-    controller.mover.grip(CLOSED)
-
-
-def _go(controller: Controller, _: ProgramLine) -> None:
-    controller.mover.grip(OPEN)
 
 
 def _gf(controller: Controller, statement: ProgramLine) -> None:
@@ -600,23 +527,31 @@ def _ob(controller: Controller, statement: ProgramLine) -> None:
     controller.write(controller.output | mask if bit.on else controller.output & ~mask, strobe=False)
 
 
-def _od(controller: Controller, statement: ProgramLine) -> None:
-    controller.write(statement.whole(0), strobe=False)
-
-
-def _ot(controller: Controller, statement: ProgramLine) -> None:
-    controller.write(statement.whole(0), strobe=True)
-
-
 ACTIONS: Mapping[str, Action] = {
-    "DP": _dp, "DW": _dw, "HE": _he, "HO": _ho, "IP": _ip, "MA": _ma, "MC": _mc, "MJ": _mj, "MO": _mo,
-    "MP": _mp, "MS": _ms, "MT": _mt, "NT": _nt, "OG": _og, "PA": _pa, "PC": _pc, "PD": _pd, "PL": _pl,
-    "PT": _pt, "PX": _px, "SF": _sf, "SP": _sp, "TI": _ti, "TL": _tl,
-    "CP": _cp, "DC": _dc, "ED": _ed, "GS": _gs, "GT": _gt, "IC": _ic, "NW": _nw, "NX": _nx, "RC": _rc,
-    "RN": _rn, "RT": _rt, "SC": _sc, "TB": _tb,
-    "EQ": _jump_if(operator.eq), "LG": _jump_if(operator.gt), "NE": _jump_if(operator.ne),
-    "SM": _jump_if(operator.lt),
-    "GC": _gc, "GF": _gf, "GO": _go, "GP": _gp, "ID": _id, "IN": _in, "OB": _ob, "OD": _od, "OT": _ot,
-    "RS": _rs,
+    "CP": _cp, "DW": _dw, "GF": _gf, "GP": _gp, "HE": _he, "HO": _ho, "ID": _id, "IN": _in, "MA": _ma,
+    "MC": _mc, "MJ": _mj, "MO": _mo, "MS": _ms, "MT": _mt, "NT": _nt, "NW": _nw, "OB": _ob, "OG": _og,
+    "PA": _pa, "PC": _pc, "PD": _pd, "PL": _pl, "PT": _pt, "PX": _px, "SC": _sc, "SP": _sp, "TB": _tb,
+    "DP": lambda controller, _: _go_to_neighbour(controller, -1),
+    "IP": lambda controller, _: _go_to_neighbour(controller, 1),
+    "MP": lambda controller, statement: controller.mover.go(_pose(statement, 0), "the pose"),
+    "SF": lambda controller, statement: controller.memory.shift(statement.whole(0), statement.whole(1)),
+    "TI": lambda controller, statement: controller.mover.wait_s(Fraction(statement.whole(0), 10)),
+    "TL": lambda controller, statement: controller.mover.set_tool_mm(statement.decimal(0)),
+    "DC": lambda controller, statement: controller.memory.count(statement.whole(0), -1),
+    "IC": lambda controller, statement: controller.memory.count(statement.whole(0), 1),
+    "RN": lambda controller, statement: controller.run_program(statement.whole(0), _second(statement)),
+    "ED": lambda controller, _: controller.flow.end(),
+    "GT": lambda controller, statement: controller.flow.go_to(statement.whole(0)),
+    "GS": lambda controller, statement: controller.flow.call(statement.whole(0)),
+    "RT": lambda controller, _: controller.flow.give_back(),
+    "RC": lambda controller, statement: controller.flow.open_loop(statement, statement.whole(0)),
+    "NX": lambda controller, _: controller.flow.close_loop(),
+    "EQ": _jump_if(operator.eq), "NE": _jump_if(operator.ne),
+    "LG": _jump_if(operator.gt), "SM": _jump_if(operator.lt),
+    "GC": lambda controller, _: controller.mover.grip(CLOSED),
+    "GO": lambda controller, _: controller.mover.grip(OPEN),
+    "OD": lambda controller, statement: controller.write(statement.whole(0), strobe=False),
+    "OT": lambda controller, statement: controller.write(statement.whole(0), strobe=True),
+    "RS": lambda *_: None,  # an error ends the run, so there is never one to clear
 }  # fmt: skip
 """The action of each row of the language."""
