@@ -11,6 +11,8 @@ must stay unchanged and the carry stay set, which is exactly what skipping the A
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from servogen.compiler.ir.builder import InstructionBuilder
 from servogen.compiler.ir.instruction import STATUS, C, Imm, Loc, Operand, Z, exposed
 
@@ -389,9 +391,7 @@ def shift_left(gen: InstructionBuilder, target: list[Loc], operand: list[Operand
         return
     gen.move_all(target, sources)
     for _ in range(rest):
-        gen.emit("BCF", STATUS, b=C)
-        for byte in live:
-            gen.emit("RLF", byte, 1)
+        one_left(gen, live)
 
 
 def _shift_byte(gen: InstructionBuilder, t: Loc, a: Operand, count: int, *, left: bool) -> None:
@@ -468,13 +468,23 @@ def one_right(gen: InstructionBuilder, target: list[Loc], *, signed: bool) -> No
         gen.emit("RLF", target[-1], 0)  # the sign into C
     else:
         gen.emit("BCF", STATUS, b=C)
-    for byte in reversed(target):
-        gen.emit("RRF", byte, 1)
+    rotate_right(gen, target)
 
 
 def one_left(gen: InstructionBuilder, target: list[Loc]) -> None:
     """Emit a shift by one bit to the left in place; the highest bit goes to C."""
     gen.emit("BCF", STATUS, b=C)
+    rotate_left(gen, target)
+
+
+def rotate_right(gen: InstructionBuilder, target: Sequence[Loc]) -> None:
+    """Emit a rotation by one bit to the right in place: C enters at the top, the lowest bit goes to C."""
+    for byte in reversed(target):
+        gen.emit("RRF", byte, 1)
+
+
+def rotate_left(gen: InstructionBuilder, target: Sequence[Loc]) -> None:
+    """Emit a rotation by one bit to the left in place: C enters at the bottom, the highest bit goes to C."""
     for byte in target:
         gen.emit("RLF", byte, 1)
 
@@ -489,6 +499,23 @@ def sign_byte(gen: InstructionBuilder, top: Operand) -> Operand:
     gen.skip_if(7, False, top)
     gen.emit("COMF", sign, 1)
     return sign
+
+
+def zero_test(gen: InstructionBuilder, operands: Sequence[Operand]) -> None:
+    """Set Z if all bytes are zero."""
+    variables = [operand for operand in operands if operand != Imm(0)]
+    if not variables:
+        gen.emit("MOVLW", k=0)
+        gen.emit("IORLW", k=0)
+        return
+    gen.load(variables[0])
+    if isinstance(variables[0], Imm):
+        gen.emit("IORLW", k=0)
+    for operand in variables[1:]:
+        if isinstance(operand, Imm):
+            gen.emit("IORLW", k=operand.value)
+        else:
+            gen.emit("IORWF", operand, 0)
 
 
 def compare_less(gen: InstructionBuilder, left: list[Operand], right: list[Operand]) -> None:

@@ -94,8 +94,7 @@ def watched_delay(gen: FunctionGenerator, cycles: int, unwatched: int) -> None:
         gen.emit("MOVLW", k=value, fixed=True)
         gen.emit("MOVWF", byte, fixed=True)
     top = gen.new_label("wait")
-    gen.function.bounds[top] = rounds
-    gen.label(top)
+    gen.label(top, rounds)
     gen.emit("CLRWDT", fixed=True)
     gen.delay(wait)
     for byte in counter:

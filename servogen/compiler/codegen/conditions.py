@@ -9,7 +9,7 @@ from __future__ import annotations
 from servogen.compiler.ast import nodes as tree
 from servogen.compiler.ast.constant_folding import COMPARISONS, MIRRORED, has_effect, interval
 from servogen.compiler.ast.types import IntType
-from servogen.compiler.codegen.arithmetic import biased, compare_less
+from servogen.compiler.codegen.arithmetic import biased, compare_less, zero_test
 from servogen.compiler.codegen.effects import in_flash, stripped, width_of
 from servogen.compiler.codegen.expressions import effect
 from servogen.compiler.codegen.generator import FunctionGenerator
@@ -215,23 +215,6 @@ def to_w_with_zero(gen: FunctionGenerator, expr: tree.Expr) -> None:
         return
     # MOVLW, calls and the like do not set Z
     gen.emit("IORLW", k=0)
-
-
-def zero_test(gen: FunctionGenerator, operands: list[Operand]) -> None:
-    """Set Z if all bytes are zero."""
-    variables = [operand for operand in operands if operand != Imm(0)]
-    if not variables:
-        gen.emit("MOVLW", k=0)
-        gen.emit("IORLW", k=0)
-        return
-    gen.load(variables[0])
-    if isinstance(variables[0], Imm):
-        gen.emit("IORLW", k=0)
-    for operand in variables[1:]:
-        if isinstance(operand, Imm):
-            gen.emit("IORLW", k=operand.value)
-        else:
-            gen.emit("IORWF", operand, 0)
 
 
 def jump(gen: FunctionGenerator, expr: tree.Expr, sense: bool, label: str) -> None:

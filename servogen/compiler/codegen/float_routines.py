@@ -16,18 +16,27 @@ routine finds its first operand where the one before it left its result.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from servogen.compiler.ast.float_values import INFINITE
 from servogen.compiler.ast.nodes import EQUAL, GREATER, LESS
 from servogen.compiler.ast.types import FLOAT_BIAS
-from servogen.compiler.codegen.arithmetic import add, negate, one_left, one_right, subtract
+from servogen.compiler.codegen.arithmetic import (
+    add,
+    negate,
+    one_left,
+    one_right,
+    rotate_left,
+    rotate_right,
+    subtract,
+    zero_test,
+)
 from servogen.compiler.codegen.arithmetic import compare_less as compare_bytes
 from servogen.compiler.codegen.runtime import parameter, variable
 from servogen.compiler.ir.builder import InstructionBuilder, Library
 from servogen.compiler.ir.function import Function
-from servogen.compiler.ir.instruction import STATUS, Byte, C, Loc, Z
+from servogen.compiler.ir.instruction import STATUS, Byte, C, Imm, Loc, Operand, Z
 
 MAX_SHIFT = 300
 """More than the rounds of any loop that moves a mantissa until its exponent is right."""
@@ -81,12 +90,26 @@ def _returns_value(gen: InstructionBuilder, registers: Registers) -> None:
     gen.function.parameters = [symbol.symbol]
 
 
-def _skip_unless_zero(gen: InstructionBuilder, bytes_: list[Loc]) -> None:
-    """Skip the next instruction unless all bytes are 0."""
-    gen.load(bytes_[0])
-    for byte in bytes_[1:]:
-        gen.emit("IORWF", byte, 0)
-    gen.skip_if(Z, False)
+def _goto_if_zero(gen: InstructionBuilder, bytes_: Sequence[Loc], label: str) -> None:
+    zero_test(gen, bytes_)
+    gen.goto_if(Z, True, label)
+
+
+def _goto_if_infinite(gen: InstructionBuilder, exponent: Loc, label: str) -> None:
+    """Jump if an unpacked exponent is that of infinity and of what is not a number."""
+    gen.emit("COMF", exponent, 0)
+    gen.goto_if(Z, True, label)
+
+
+def _goto_if_finite(gen: InstructionBuilder, exponent: Loc, label: str) -> None:
+    gen.emit("COMF", exponent, 0)
+    gen.goto_if(Z, False, label)
+
+
+def _goto_if_either_infinite(gen: InstructionBuilder, one: Loc, two: Loc, label: str) -> None:
+    gen.emit("COMF", one, 0)
+    gen.skip_if(Z, True)
+    _goto_if_infinite(gen, two, label)
 
 
 def _keep_sticky(gen: InstructionBuilder, guard: Loc) -> None:
@@ -95,24 +118,76 @@ def _keep_sticky(gen: InstructionBuilder, guard: Loc) -> None:
     gen.emit("BSF", guard, b=0)
 
 
-def _put(gen: InstructionBuilder, target: Loc, value: int) -> None:
-    """Store a constant."""
-    gen.emit("MOVLW", k=value)
-    gen.store(target)
+def _keep_rest(gen: InstructionBuilder, r: Registers, rest: list[Loc], packing: str) -> None:
+    """Keep in the guard byte whether anything is left below it; jump to the packing if nothing is."""
+    _goto_if_zero(gen, rest, packing)
+    gen.emit("BSF", r.guard, b=0)
 
 
-def _add_exponent(gen: InstructionBuilder, registers: Registers) -> None:
-    """Add W to the exponent of two bytes."""
+def _add_exponent(gen: InstructionBuilder, registers: Registers, operand: Operand) -> None:
+    """Add a byte to the exponent of two bytes."""
+    gen.load(operand)
     gen.emit("ADDWF", registers.exponent, 1)
     gen.skip_if(C, False)
     gen.emit("INCF", registers.high, 1)
 
 
-def _subtract_exponent(gen: InstructionBuilder, registers: Registers) -> None:
-    """Subtract W from the exponent of two bytes."""
+def _subtract_exponent(gen: InstructionBuilder, registers: Registers, operand: Operand) -> None:
+    """Subtract a byte from the exponent of two bytes."""
+    gen.load(operand)
     gen.emit("SUBWF", registers.exponent, 1)
     gen.skip_if(C, True)
     gen.emit("DECF", registers.high, 1)
+
+
+def _take(gen: InstructionBuilder, targets: list[Loc], sources: list[Loc]) -> None:
+    """Copy bytes and clear where they were."""
+    for target, source in zip(targets, sources, strict=True):
+        gen.move(target, source)
+        gen.emit("CLRF", source)
+
+
+def _show_hidden_bit(gen: InstructionBuilder, top: Loc, exponent: Loc) -> None:
+    """Set the hidden bit, or leave it away and count the exponent as 1 where the stored one is 0."""
+    gen.emit("BSF", top, b=7)
+    gen.emit("MOVF", exponent, 1)
+    gen.skip_if(Z, False)
+    gen.emit("BCF", top, b=7)  # which leaves Z alone
+    gen.skip_if(Z, False)
+    gen.emit("INCF", exponent, 1)
+
+
+def _load_seven_bits(gen: InstructionBuilder, top: Loc, below: list[Loc]) -> None:
+    """Load the low bits of a byte, or'ed with the bytes below it: Z says whether all of them are 0."""
+    gen.load(top)
+    gen.emit("ANDLW", k=0x7F)
+    for byte in below:
+        gen.emit("IORWF", byte, 0)
+
+
+def _move_to_top(
+    gen: InstructionBuilder,
+    mantissa: list[Loc],
+    labels: tuple[str, str],
+    bound: int,
+    count: Callable[[], object],
+) -> None:
+    """Emit a loop, between its two labels, that moves a mantissa left until its top bit is set; `count` emits
+    what each turn does to the exponent.
+    """
+    loop, complete = labels
+    gen.label(loop, bound)
+    gen.goto_if(7, True, complete, mantissa[-1])
+    one_left(gen, mantissa)
+    count()
+    gen.goto(loop)
+    gen.label(complete)
+
+
+def _pack_infinity(gen: InstructionBuilder, r: Registers, packing: str) -> None:
+    gen.move(r.exponent, Imm(INFINITE))
+    gen.emit("BSF", r.top, b=7)
+    gen.goto(packing)
 
 
 def pack(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
@@ -123,19 +198,16 @@ def pack(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> Non
         variable(gen, name, 1)
     r = shared(library, size)
     _returns_value(gen, r)
-    small, right, left, normal, compose, put = (
-        gen.new_label(name) for name in ("small", "right", "left", "normal", "compose", "put")
+    small, right, left, normal, compose, put = gen.new_labels(
+        "small", "right", "left", "normal", "compose", "put"
     )
     infinite, in_range = gen.new_label("infinite"), gen.new_label("in_range")
     # nothing is left of the mantissa: a zero with its sign, whatever the exponent says
-    _skip_unless_zero(gen, [*r.mantissa, r.guard])
-    gen.goto(compose)
+    _goto_if_zero(gen, [*r.mantissa, r.guard], compose)
     # below the exponent 1 the mantissa moves right until the exponent is 1: a denormal
-    gen.label(small)
-    gen.function.bounds[small] = MAX_SHIFT
+    gen.label(small, MAX_SHIFT)
     gen.goto_if(7, False, in_range, r.high)
-    gen.label(right)
-    gen.function.bounds[right] = MAX_SHIFT
+    gen.label(right, MAX_SHIFT)
     one_right(gen, [r.guard, *r.mantissa], signed=False)
     _keep_sticky(gen, r.guard)
     gen.emit("INCF", r.exponent, 1)
@@ -148,8 +220,7 @@ def pack(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> Non
     gen.emit("MOVF", r.exponent, 1)
     gen.goto_if(Z, True, right)
     # the hidden bit is missing: the mantissa moves left, but not below the exponent 1
-    gen.label(left)
-    gen.function.bounds[left] = MAX_SHIFT
+    gen.label(left, MAX_SHIFT)
     gen.goto_if(7, True, normal, r.top)
     gen.emit("DECF", r.exponent, 0)
     gen.goto_if(Z, True, compose)
@@ -160,9 +231,8 @@ def pack(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> Non
     gen.emit("INCFSZ", r.exponent, 0)
     gen.goto(compose)
     gen.label(infinite)
-    for byte in [r.guard, *r.mantissa]:
-        gen.emit("CLRF", byte)
-    _put(gen, r.exponent, INFINITE)
+    gen.clear([r.guard, *r.mantissa])
+    gen.move(r.exponent, Imm(INFINITE))
     gen.goto(put)
     gen.label(compose)
     gen.skip_if(7, True, r.top)
@@ -194,10 +264,9 @@ def not_a_number(gen: InstructionBuilder, key: tuple[int, ...], library: Library
     r = shared(library, key[0])
     _returns_value(gen, r)
     gen.function.also_calls = (library("float_pack", key).name,)
-    for byte in r.mantissa[:-1]:
-        gen.emit("CLRF", byte)
-    _put(gen, r.top, 0xC0)
-    _put(gen, r.exponent, 0x7F)
+    gen.clear(r.mantissa[:-1])
+    gen.move(r.top, Imm(0xC0))
+    gen.move(r.exponent, Imm(0x7F))
     gen.emit("RETURN")
 
 
@@ -215,15 +284,8 @@ def unpack(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> N
         # the lowest bit of the exponent is stored in the byte below; the sign rotates out
         gen.emit("RLF", operand[-2], 0)
         gen.emit("RLF", operand[-1], 1)
-        gen.emit("BSF", operand[-2], b=7)
-        # a stored exponent of 0 has no hidden bit and counts as 1; BCF leaves Z alone
-        gen.emit("MOVF", operand[-1], 1)
-        gen.skip_if(Z, False)
-        gen.emit("BCF", operand[-2], b=7)
-        gen.skip_if(Z, False)
-        gen.emit("INCF", operand[-1], 1)
-    gen.emit("CLRF", r.guard)
-    gen.emit("CLRF", r.high)
+        _show_hidden_bit(gen, operand[-2], operand[-1])
+    gen.clear([r.guard, r.high])
     gen.emit("BCF", STATUS, b=C)
     second = gen.new_label()
     for operand in (r.value, other):
@@ -233,10 +295,7 @@ def unpack(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> N
             gen.goto(second)
         else:
             gen.emit("RETURN")
-        gen.load(operand[-2])
-        gen.emit("ANDLW", k=0x7F)
-        for byte in operand[:-2]:
-            gen.emit("IORWF", byte, 0)
+        _load_seven_bits(gen, operand[-2], operand[:-2])
         # 255 plus a byte carries unless that is 0: C says that the value is not a number
         gen.emit("ADDLW", k=0xFF)
         if operand is r.value:
@@ -270,38 +329,31 @@ def addition(gen: InstructionBuilder, key: tuple[int, ...], library: Library) ->
     wide, wide_other = [r.guard, *r.mantissa], [other_guard, *other[:-1]]
     gen.emit("CLRF", other_guard)
     names = ("infinite", "finite", "align", "shift_other", "aligned", "larger", "of_first", "of_second")
-    infinite, finite, align, shift_other, aligned, larger, of_first, of_second = map(gen.new_label, names)
-    gen.emit("COMF", r.exponent, 0)
-    gen.goto_if(Z, True, infinite)
-    gen.emit("COMF", other[-1], 0)
-    gen.goto_if(Z, False, finite)
+    infinite, finite, align, shift_other, aligned, larger, of_first, of_second = gen.new_labels(*names)
+    _goto_if_infinite(gen, r.exponent, infinite)
+    _goto_if_finite(gen, other[-1], finite)
     gen.move(r.exponent, other[-1])
     gen.emit("BSF", r.top, b=7)
     gen.goto(of_second)
     gen.label(infinite)
-    gen.emit("COMF", other[-1], 0)
-    gen.goto_if(Z, False, of_first)
+    _goto_if_finite(gen, other[-1], of_first)
     gen.goto_if(7, False, of_first, r.sign)
     # infinity minus infinity
     gen.goto(nan)
     gen.label(finite)
     for one, two in ((r.value, other), (other, r.value)):  # a zero need not be shifted
         after = gen.new_label()
-        gen.load(one[0])
-        for byte in one[1:-1]:
-            gen.emit("IORWF", byte, 0)
+        zero_test(gen, one[:-1])
         gen.goto_if(Z, False, after)
         gen.move(one[-1], two[-1])
         gen.label(after)
-    gen.label(align)
-    gen.function.bounds[align] = MAX_SHIFT
+    gen.label(align, MAX_SHIFT)
     gen.load(other[-1])
     gen.emit("SUBWF", r.exponent, 0)
     gen.goto_if(Z, True, aligned)
     gen.goto_if(C, True, shift_other)
     # C is 0 here, since SUBWF has borrowed, and enters at the top
-    for byte in reversed(wide):
-        gen.emit("RRF", byte, 1)
+    rotate_right(gen, wide)
     _keep_sticky(gen, r.guard)
     gen.emit("INCF", r.exponent, 1)
     gen.goto(align)
@@ -316,8 +368,7 @@ def addition(gen: InstructionBuilder, key: tuple[int, ...], library: Library) ->
     add(gen, wide, list(wide), list(wide_other))
     gen.goto_if(C, False, of_first)
     # the carry of the sum becomes its top bit
-    for byte in reversed(wide):
-        gen.emit("RRF", byte, 1)
+    rotate_right(gen, wide)
     _keep_sticky(gen, r.guard)
     gen.emit("INCF", r.exponent, 1)
     gen.goto(of_first)
@@ -331,7 +382,8 @@ def addition(gen: InstructionBuilder, key: tuple[int, ...], library: Library) ->
     gen.emit("XORWF", first_sign, 1)
     gen.goto(of_first)
     gen.label(larger)
-    _skip_unless_zero(gen, wide)
+    zero_test(gen, wide)
+    gen.skip_if(Z, False)
     gen.emit("CLRF", first_sign)  # the difference of equal values is +0
     gen.label(of_first)
     gen.move(r.sign, first_sign)
@@ -346,62 +398,38 @@ def multiplication(gen: InstructionBuilder, key: tuple[int, ...], library: Libra
     r, other = shared(library, size), second_operand(library, size)
     packing, nan = _begin(gen, size, library)
     multiplier = [*low, r.guard]
-    loop, skip, normalise, normalised, zero, infinite = (
-        gen.new_label(name) for name in ("loop", "skip", "normalise", "done", "zero", "infinite")
+    loop, skip, normalise, normalised, zero, infinite = gen.new_labels(
+        "loop", "skip", "normalise", "done", "zero", "infinite"
     )
     for operand in (r.value, other):
-        _skip_unless_zero(gen, operand[:-1])
-        gen.goto(zero)
-    gen.emit("COMF", r.exponent, 0)
-    gen.skip_if(Z, True)
-    gen.emit("COMF", other[-1], 0)
-    gen.goto_if(Z, True, infinite)
+        _goto_if_zero(gen, operand[:-1], zero)
+    _goto_if_either_infinite(gen, r.exponent, other[-1], infinite)
     # both exponents contain the bias, of which the product's has one
-    gen.load(other[-1])
-    _add_exponent(gen, r)
-    gen.emit("MOVLW", k=FLOAT_BIAS - 1)
-    _subtract_exponent(gen, r)
-    for target, source in zip(multiplier, r.mantissa, strict=True):
-        gen.move(target, source)
-        gen.emit("CLRF", source)
-    _put(gen, count, 8 * (size - 1))
-    gen.label(loop)
-    gen.function.bounds[loop] = 8 * (size - 1)
+    _add_exponent(gen, r, other[-1])
+    _subtract_exponent(gen, r, Imm(FLOAT_BIAS - 1))
+    _take(gen, multiplier, r.mantissa)
+    gen.move(count, Imm(8 * (size - 1)))
+    gen.label(loop, 8 * (size - 1))
     gen.emit("BCF", STATUS, b=C)
     gen.goto_if(0, False, skip, multiplier[0])
     add(gen, r.mantissa, list(r.mantissa), list(other[:-1]))
     gen.label(skip)
     # the carry of the addition, or the 0 from before it, enters at the top
-    for byte in reversed([*multiplier, *r.mantissa]):
-        gen.emit("RRF", byte, 1)
+    rotate_right(gen, [*multiplier, *r.mantissa])
     gen.emit("DECFSZ", count, 1)
     gen.goto(loop)
-    gen.label(normalise)
-    gen.function.bounds[normalise] = 16 * size
-    gen.goto_if(7, True, normalised, r.top)
-    one_left(gen, [*multiplier, *r.mantissa])
-    gen.emit("MOVLW", k=1)
-    _subtract_exponent(gen, r)
-    gen.goto(normalise)
-    gen.label(normalised)
+    product, labels = [*multiplier, *r.mantissa], (normalise, normalised)
+    _move_to_top(gen, product, labels, 16 * size, lambda: _subtract_exponent(gen, r, Imm(1)))
     # what lies below the guard byte only matters as being there or not
-    _skip_unless_zero(gen, low)
-    gen.goto(packing)
-    gen.emit("BSF", r.guard, b=0)
+    _keep_rest(gen, r, low, packing)
     gen.goto(packing)
     # zero times infinity is not a number
     gen.label(zero)
-    gen.emit("COMF", r.exponent, 0)
-    gen.skip_if(Z, True)
-    gen.emit("COMF", other[-1], 0)
-    gen.goto_if(Z, True, nan)
-    for byte in r.mantissa:
-        gen.emit("CLRF", byte)
+    _goto_if_either_infinite(gen, r.exponent, other[-1], nan)
+    gen.clear(r.mantissa)
     gen.goto(packing)
     gen.label(infinite)
-    _put(gen, r.exponent, INFINITE)
-    gen.emit("BSF", r.top, b=7)
-    gen.goto(packing)
+    _pack_infinity(gen, r, packing)
 
 
 def division(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> None:
@@ -412,68 +440,42 @@ def division(gen: InstructionBuilder, key: tuple[int, ...], library: Library) ->
     packing, nan = _begin(gen, size, library)
     divisor = other[:-1]
     names = ("finite", "infinite", "no_dividend", "zero", "scale", "loop", "take", "bit", "done", "start")
-    finite, infinite, no_dividend, zero, scale, loop, take, bit, complete, start = map(gen.new_label, names)
-    gen.emit("COMF", r.exponent, 0)
-    gen.goto_if(Z, False, finite)
-    gen.emit("COMF", other[-1], 0)
-    gen.goto_if(Z, True, nan)
+    finite, infinite, no_dividend, zero, scale, loop, take, bit, complete, start = gen.new_labels(*names)
+    _goto_if_finite(gen, r.exponent, finite)
+    _goto_if_infinite(gen, other[-1], nan)
     gen.label(infinite)
-    _put(gen, r.exponent, INFINITE)
-    gen.emit("BSF", r.top, b=7)
-    gen.goto(packing)
+    _pack_infinity(gen, r, packing)
     gen.label(no_dividend)
-    _skip_unless_zero(gen, divisor)
-    gen.goto(nan)
+    _goto_if_zero(gen, divisor, nan)
     gen.label(zero)
-    for byte in r.mantissa:
-        gen.emit("CLRF", byte)
+    gen.clear(r.mantissa)
     gen.goto(packing)
     gen.label(finite)
-    gen.emit("COMF", other[-1], 0)
-    gen.goto_if(Z, True, zero)
-    _skip_unless_zero(gen, r.mantissa)
-    gen.goto(no_dividend)
-    _skip_unless_zero(gen, divisor)
-    gen.goto(infinite)
-    gen.load(other[-1])
-    _subtract_exponent(gen, r)
-    gen.emit("MOVLW", k=FLOAT_BIAS + 8 * size)
-    _add_exponent(gen, r)
+    _goto_if_infinite(gen, other[-1], zero)
+    _goto_if_zero(gen, r.mantissa, no_dividend)
+    _goto_if_zero(gen, divisor, infinite)
+    _subtract_exponent(gen, r, other[-1])
+    _add_exponent(gen, r, Imm(FLOAT_BIAS + 8 * size))
     # a denormal divisor is normalised, so that each turn gives one bit of the quotient
-    gen.label(scale)
-    gen.function.bounds[scale] = 8 * size
-    gen.goto_if(7, True, start, divisor[-1])
-    one_left(gen, divisor)
-    gen.emit("MOVLW", k=1)
-    _add_exponent(gen, r)
-    gen.goto(scale)
-    gen.label(start)
-    for target, source in zip(rest, r.mantissa, strict=True):
-        gen.move(target, source)
-        gen.emit("CLRF", source)
-    gen.label(loop)
-    gen.function.bounds[loop] = 16 * size
+    _move_to_top(gen, divisor, (scale, start), 8 * size, lambda: _add_exponent(gen, r, Imm(1)))
+    _take(gen, rest, r.mantissa)
+    gen.label(loop, 16 * size)
     compare_bytes(gen, list(rest), list(divisor))
     gen.goto_if(C, False, bit)
-    gen.label(take)
-    gen.function.bounds[take] = 16 * size
+    gen.label(take, 16 * size)
     subtract(gen, rest, list(rest), list(divisor))
     # the bit of the quotient; where the remainder had overflowed, subtract has not set C
     gen.emit("BSF", STATUS, b=C)
     gen.label(bit)
-    for byte in (r.guard, *r.mantissa):
-        gen.emit("RLF", byte, 1)
-    gen.emit("MOVLW", k=1)
-    _subtract_exponent(gen, r)
+    rotate_left(gen, (r.guard, *r.mantissa))
+    _subtract_exponent(gen, r, Imm(1))
     gen.goto_if(7, True, complete, r.top)
     one_left(gen, rest)
     gen.goto_if(C, True, take)
     gen.goto(loop)
     gen.label(complete)
     # a remainder makes the guard byte sticky
-    _skip_unless_zero(gen, rest)
-    gen.goto(packing)
-    gen.emit("BSF", r.guard, b=0)
+    _keep_rest(gen, r, rest, packing)
     gen.goto(packing)
 
 
@@ -489,9 +491,10 @@ def comparison(gen: InstructionBuilder, key: tuple[int, ...], library: Library) 
     gen.emit("CALL", target=library("float_unpack", key).name)
     gen.skip_if(C, False)
     gen.emit("RETLW", k=0)
-    same, differ, first_larger = (gen.new_label(name) for name in ("same", "differ", "first_larger"))
+    same, differ, first_larger = gen.new_labels("same", "differ", "first_larger")
     gen.goto_if(7, False, same, r.sign)
-    _skip_unless_zero(gen, [*r.mantissa, *other[:-1]])
+    zero_test(gen, [*r.mantissa, *other[:-1]])
+    gen.skip_if(Z, False)
     gen.emit("RETLW", k=EQUAL)
     gen.label(first_larger)
     gen.skip_if(7, False, first_sign)
@@ -519,7 +522,7 @@ def to_integer(gen: InstructionBuilder, key: tuple[int, ...], library: Library) 
     sign, count = variable(gen, "sign", 1)[0], variable(gen, "count", 1)[0]
     assert isinstance(integer[0], Byte)
     gen.function.result = integer[0].symbol
-    right, left, signed = (gen.new_label(name) for name in ("right", "left", "signed"))
+    right, left, signed = gen.new_labels("right", "left", "signed")
     gen.move(sign, value[-1])
     gen.emit("RLF", value[-2], 0)
     gen.emit("RLF", value[-1], 0)
@@ -528,21 +531,18 @@ def to_integer(gen: InstructionBuilder, key: tuple[int, ...], library: Library) 
     for target, source in zip(mantissa, value, strict=False):
         gen.move(target, source)
     gen.emit("BSF", mantissa[-1], b=7)
-    for byte in integer[size - 1 :]:
-        gen.emit("CLRF", byte)
+    gen.clear(integer[size - 1 :])
     # the mantissa as an integer has this exponent; the difference is the shift
     gen.emit("MOVLW", k=FLOAT_BIAS + 8 * (size - 1) - 1)
     gen.emit("SUBWF", count, 1)
     gen.goto_if(C, True, left)
     # a negative difference is 256 minus the shift: INCFSZ counts it up to 0
-    gen.label(right)
-    gen.function.bounds[right] = MAX_SHIFT
+    gen.label(right, MAX_SHIFT)
     one_right(gen, mantissa, signed=False)
     gen.emit("INCFSZ", count, 1)
     gen.goto(right)
     gen.goto(signed)
-    gen.label(left)
-    gen.function.bounds[left] = MAX_SHIFT
+    gen.label(left, MAX_SHIFT)
     gen.emit("MOVF", count, 1)
     gen.goto_if(Z, True, signed)
     one_left(gen, integer)
@@ -570,31 +570,20 @@ def from_integer(gen: InstructionBuilder, key: tuple[int, ...], library: Library
     _returns_value(gen, r)
     places = integer_places(r, extra, integer_bytes)
     positive = gen.new_label("positive")
-    gen.emit("CLRF", r.sign)
-    gen.emit("CLRF", r.high)
-    for byte in [r.guard, *r.mantissa]:
-        if byte not in places:
-            gen.emit("CLRF", byte)
+    gen.clear([r.sign, r.high])
+    gen.clear(byte for byte in [r.guard, *r.mantissa] if byte not in places)
     if signed:
         gen.goto_if(7, False, positive, places[-1])
         gen.emit("BSF", r.sign, b=7)
         negate(gen, places, list(places))
         gen.label(positive)
-    _put(gen, r.exponent, FLOAT_BIAS + 8 * integer_bytes - 1)
+    gen.move(r.exponent, Imm(FLOAT_BIAS + 8 * integer_bytes - 1))
     if extra:
         loop, normalised = gen.new_label("loop"), gen.new_label("done")
-        _skip_unless_zero(gen, places)
-        gen.goto(packing)
-        gen.label(loop)
-        gen.function.bounds[loop] = 8 * integer_bytes
-        gen.goto_if(7, True, normalised, r.top)
-        one_left(gen, places)
-        gen.emit("DECF", r.exponent, 1)
-        gen.goto(loop)
-        gen.label(normalised)
-        _skip_unless_zero(gen, extra)
-        gen.goto(packing)
-        gen.emit("BSF", r.guard, b=0)
+        _goto_if_zero(gen, places, packing)
+        labels, bits = (loop, normalised), 8 * integer_bytes
+        _move_to_top(gen, places, labels, bits, lambda: gen.emit("DECF", r.exponent, 1))
+        _keep_rest(gen, r, extra, packing)
     gen.goto(packing)
 
 
@@ -613,49 +602,27 @@ def square_root(gen: InstructionBuilder, key: tuple[int, ...], library: Library)
     count = variable(gen, "count", 1)[0]
     root = [r.guard, *r.mantissa]
     bits = 8 * (size - 1) + 2
-    finite, normalise, ready, start, loop, smaller = (
-        gen.new_label(name) for name in ("finite", "normalise", "ready", "start", "loop", "smaller")
+    finite, normalise, ready, start, loop, smaller = gen.new_labels(
+        "finite", "normalise", "ready", "start", "loop", "smaller"
     )
-    gen.load(r.exponent)
-    gen.emit("ANDLW", k=0x7F)
-    for byte in r.mantissa:
-        gen.emit("IORWF", byte, 0)
+    _load_seven_bits(gen, r.exponent, r.mantissa)
     gen.skip_if(Z, False)
     gen.emit("RETURN")  # the root of a zero is that zero
     gen.goto_if(7, True, nan, r.exponent)
-    for byte in (r.guard, r.high, r.sign):
-        gen.emit("CLRF", byte)
+    gen.clear((r.guard, r.high, r.sign))
     gen.emit("RLF", r.top, 0)
     gen.emit("RLF", r.exponent, 1)
-    gen.emit("COMF", r.exponent, 0)
-    gen.goto_if(Z, False, finite)
-    gen.load(r.top)
-    gen.emit("ANDLW", k=0x7F)
-    for byte in r.mantissa[:-1]:
-        gen.emit("IORWF", byte, 0)
+    _goto_if_finite(gen, r.exponent, finite)
+    _load_seven_bits(gen, r.top, r.mantissa[:-1])
     gen.goto_if(Z, False, nan)
     gen.goto(packing)
     gen.label(finite)
-    gen.emit("BSF", r.top, b=7)
-    gen.emit("MOVF", r.exponent, 1)
-    gen.skip_if(Z, False)
-    gen.emit("BCF", r.top, b=7)
-    gen.skip_if(Z, False)
-    gen.emit("INCF", r.exponent, 1)
-    gen.emit("MOVLW", k=FLOAT_BIAS)
-    _add_exponent(gen, r)
-    gen.label(normalise)
-    gen.function.bounds[normalise] = 8 * size
-    gen.goto_if(7, True, ready, r.top)
-    one_left(gen, r.mantissa)
-    gen.emit("DECF", r.exponent, 1)
-    gen.goto(normalise)
-    gen.label(ready)
-    for target, source in zip(radicand, r.mantissa, strict=True):
-        gen.move(target, source)
-        gen.emit("CLRF", source)
-    for byte in rest:
-        gen.emit("CLRF", byte)
+    _show_hidden_bit(gen, r.top, r.exponent)
+    _add_exponent(gen, r, Imm(FLOAT_BIAS))
+    labels = normalise, ready
+    _move_to_top(gen, r.mantissa, labels, 8 * size, lambda: gen.emit("DECF", r.exponent, 1))
+    _take(gen, radicand, r.mantissa)
+    gen.clear(rest)
     # half the exponent; its lowest bit, now in `high`, says that the radicand counts twice
     gen.emit("RRF", r.high, 1)
     gen.emit("RRF", r.exponent, 1)
@@ -670,9 +637,8 @@ def square_root(gen: InstructionBuilder, key: tuple[int, ...], library: Library)
     gen.emit("INCF", rest[0], 1)
     gen.label(start)
     gen.emit("CLRF", r.high)
-    _put(gen, count, bits - 1)
-    gen.label(loop)
-    gen.function.bounds[loop] = bits
+    gen.move(count, Imm(bits - 1))
+    gen.label(loop, bits)
     for _ in range(2):
         one_left(gen, [*radicand, *rest])
     gen.emit("BCF", STATUS, b=C)
@@ -680,21 +646,17 @@ def square_root(gen: InstructionBuilder, key: tuple[int, ...], library: Library)
         gen.emit("RLF", source, 0)
         gen.store(target)
     gen.emit("BSF", STATUS, b=C)
-    for byte in trial:
-        gen.emit("RLF", byte, 1)
+    rotate_left(gen, trial)
     compare_bytes(gen, list(rest), list(trial))
     gen.goto_if(C, False, smaller)
     subtract(gen, rest, list(rest), list(trial))
     gen.label(smaller)
-    for byte in root:
-        gen.emit("RLF", byte, 1)
+    rotate_left(gen, root)
     gen.emit("DECFSZ", count, 1)
     gen.goto(loop)
     gen.emit("MOVLW", k=8 * size - bits)
     gen.emit("ADDWF", r.exponent, 1)
-    _skip_unless_zero(gen, rest)
-    gen.goto(packing)
-    gen.emit("BSF", r.guard, b=0)
+    _keep_rest(gen, r, rest, packing)
     gen.goto(packing)
 
 

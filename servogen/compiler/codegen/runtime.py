@@ -11,7 +11,16 @@ from collections.abc import Callable
 
 from servogen.compiler.ast.nodes import Symbol
 from servogen.compiler.ast.types import U8, U16, U24, U32, IntType
-from servogen.compiler.codegen.arithmetic import add, compare_less, negate, one_left, one_right, subtract
+from servogen.compiler.codegen.arithmetic import (
+    add,
+    compare_less,
+    negate,
+    one_left,
+    one_right,
+    rotate_right,
+    subtract,
+    zero_test,
+)
 from servogen.compiler.ir.builder import InstructionBuilder, Library
 from servogen.compiler.ir.function import Function
 from servogen.compiler.ir.instruction import (
@@ -24,6 +33,7 @@ from servogen.compiler.ir.instruction import (
     STATUS,
     Byte,
     C,
+    Imm,
     Instruction,
     Loc,
     Reg,
@@ -65,20 +75,16 @@ def multiply(gen: InstructionBuilder, key: tuple[int, ...], library: Library) ->
     product = variable(gen, "product", size)
     assert isinstance(product[0], Byte)
     gen.function.result = product[0].symbol
-    for byte in product:
-        gen.emit("CLRF", byte)
+    gen.clear(product)
     loop, no_add = gen.new_label(), gen.new_label()
-    gen.function.bounds[loop] = 8 * factor
-    gen.label(loop)
+    gen.label(loop, 8 * factor)
     one_right(gen, b, signed=False)
     gen.goto_if(C, False, no_add)
     add(gen, product, list(product), list(a))
     gen.label(no_add)
     one_left(gen, a)
     # the loop ends as soon as no bit of the factor is left
-    gen.load(b[0])
-    for byte in b[1:]:
-        gen.emit("IORWF", byte, 0)
+    zero_test(gen, b)
     gen.goto_if(Z, False, loop)
     gen.emit("RETURN")
 
@@ -93,12 +99,10 @@ def _multiply_8_to_16(gen: InstructionBuilder) -> None:
     gen.function.result = low.symbol
     gen.store(b[0])
     gen.emit("CLRF", high)
-    gen.emit("MOVLW", k=0x80)
-    gen.store(low)
+    gen.move(low, Imm(0x80))
     gen.load(a[0])
     loop = gen.new_label()
-    gen.function.bounds[loop] = 8
-    gen.label(loop)
+    gen.label(loop, 8)
     gen.emit("RRF", b[0], 1)
     gen.skip_if(C, False)
     gen.emit("ADDWF", high, 1)
@@ -117,20 +121,16 @@ def _multiply_to_the_right(gen: InstructionBuilder, width: int, factor: int) -> 
     assert isinstance(product[0], Byte)
     gen.function.result = product[0].symbol
     low, high = product[:factor], product[factor:]
-    for byte in high:
-        gen.emit("CLRF", byte)
-    gen.emit("MOVLW", k=8 * factor)
-    gen.store(count)
+    gen.clear(high)
+    gen.move(count, Imm(8 * factor))
     # from here on C is the next bit of the factor; what it was before leaves the product at its end
-    for byte in reversed(low):
-        gen.emit("RRF", byte, 1)
+    rotate_right(gen, low)
     loop, no_add = gen.new_label(), gen.new_label()
     gen.label(loop)
     gen.goto_if(C, False, no_add)
     add(gen, high, list(high), list(a))
     gen.label(no_add)
-    for byte in reversed(product):
-        gen.emit("RRF", byte, 1)
+    rotate_right(gen, product)
     gen.emit("DECFSZ", count, 1)
     gen.goto(loop)
     gen.emit("RETURN")
@@ -146,8 +146,7 @@ def multiply_signed(gen: InstructionBuilder, key: tuple[int, ...], library: Libr
     gen.function.parameters, gen.function.result = list(inner.parameters), inner.result
     b, high = product[:width], product[width:]
     excess = variable(gen, "excess", width)
-    for byte in excess:
-        gen.emit("CLRF", byte)
+    gen.clear(excess)
     for signed, other in ((a, b), (b, a)) if both else ((a, b),):
         positive = gen.new_label()
         gen.goto_if(7, False, positive, signed[-1])
@@ -166,10 +165,8 @@ def divide(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> N
     size, width, carry = key
     a, b = parameter(gen, "quotient", size), parameter(gen, "divisor", width)
     rest, count = variable(gen, "remainder", width), variable(gen, "count", 1)[0]
-    for byte in rest:
-        gen.emit("CLRF", byte)
-    gen.emit("MOVLW", k=8 * size)
-    gen.store(count)
+    gen.clear(rest)
+    gen.move(count, Imm(8 * size))
     loop, take_away, after = gen.new_label(), gen.new_label(), gen.new_label()
     gen.label(loop)
     # the top bit of the dividend moves into the remainder; a bit of the quotient takes its place
@@ -329,10 +326,8 @@ def eeprom_write(gen: InstructionBuilder, key: tuple[int, ...], library: Library
     gen.emit("INCF", enabled, 1)
     gen.emit("BCF", INTCON, b=_GIE)
     gen.emit("BSF", _EECON1, b=_WREN)
-    gen.emit("MOVLW", k=0x55)
-    gen.store(_EECON2)
-    gen.emit("MOVLW", k=0xAA)
-    gen.store(_EECON2)
+    gen.move(_EECON2, Imm(0x55))
+    gen.move(_EECON2, Imm(0xAA))
     gen.emit("BSF", _EECON1, b=_WR)
     gen.emit("BCF", _EECON1, b=_WREN)
     gen.skip_if(0, False, enabled)
@@ -355,8 +350,7 @@ def putchar(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> 
     zero, one = ("BSF", "BCF") if inverted else ("BCF", "BSF")
     loop, high, after = gen.new_label(), gen.new_label(), gen.new_label()
     gen.store(value)
-    gen.emit("MOVLW", k=9)
-    gen.store(count)
+    gen.move(count, Imm(9))
     gen.emit(zero, port, b=pin)
     gen.delay(5)
     gen.label(loop)
@@ -388,8 +382,7 @@ def getchar(gen: InstructionBuilder, key: tuple[int, ...], library: Library) -> 
     gen.function.waits_for = "a start bit"
     gen.label(wait)
     gen.goto_if(pin, not inverted, wait, port)
-    gen.emit("MOVLW", k=8)
-    gen.store(count)
+    gen.move(count, Imm(8))
     # the middle of the first data bit is one and a half bits behind the edge of the start bit
     gen.delay(cycles + cycles // 2 - 6)
     gen.label(loop)

@@ -5,7 +5,7 @@ In: calls of the code generator. Out: the instructions of a `Function`, in order
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from servogen.compiler.ast.nodes import AddressByte, Symbol
 from servogen.compiler.ast.types import U8, ArrayType
@@ -92,13 +92,19 @@ class InstructionBuilder:
         if cycles:
             self.function.append(Instruction(DELAY, k=cycles, place=self.place))
 
-    def label(self, name: str) -> None:
+    def label(self, name: str, bound: int | None = None) -> None:
+        """Put a label here; `bound` is how often it is passed at most where it begins a loop."""
+        if bound is not None:
+            self.function.bounds[name] = bound
         self.function.append(Label(name, self.place))
 
     def new_label(self, hint: str = "L") -> str:
         """Return the name of a new label of the function; `hint` says in the listing what it is for."""
         self._labels += 1
         return f"{self.function.name}.{hint}.{self._labels}"
+
+    def new_labels(self, *hints: str) -> list[str]:
+        return [self.new_label(hint) for hint in hints]
 
     def goto(self, label: str) -> None:
         self.emit("GOTO", target=label)
@@ -181,6 +187,10 @@ class InstructionBuilder:
         for operand in operands:
             if exposed(operand):
                 self.load(operand)
+
+    def clear(self, targets: Iterable[Loc]) -> None:
+        for target in targets:
+            self.emit("CLRF", target)
 
     def move_all(self, targets: list[Loc], operands: list[Operand]) -> None:
         """Copy bytes that may overlap, without loading the same constant twice in a row."""
