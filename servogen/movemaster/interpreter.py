@@ -1,8 +1,8 @@
 """The controller: executes statements in order, direct ones immediately, programs line by line.
 
 In: statements, one after another. Out: the resulting contents of `Mover`, `Memory` and the output record.
-What each command does to the controller is a row of `ACTIONS`, by its mnemonic. A program that does not end is
-stopped after a number of commands or of frames.
+What each command does to the controller is a row of `ACTIONS`, by its mnemonic. A program that does not end
+is stopped after a number of commands or of frames.
 """
 
 from __future__ import annotations
