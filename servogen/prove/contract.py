@@ -33,7 +33,7 @@ from servogen.prove.explore import (
 )
 from servogen.prove.forks import PreparedProgram
 from servogen.prove.generalise import Generaliser, Guess, general_cells
-from servogen.prove.quantifiers import EVERYTHING, Quantifiers, trials
+from servogen.prove.quantifiers import EVERYTHING, ChipTrial, Quantifiers, trials
 from servogen.prove.sides import SampledResponse, Side, sides_of
 from servogen.prove.specification import IN_FRAME, OVER, Edge, Violation
 from servogen.prove.transitions import Transitions
@@ -342,17 +342,22 @@ class _ContractProver:
                 levels = levels_of([(begun + cycle, pin, level) for cycle, pin, level in samples], {})
                 stimuli, cycles = stimuli_of(trial, levels), Cycles(begun + end)
                 trace = pin_trace(self._image, self._clock, cycles, trial.options, stimuli)
-                later = _since(trace, begun)
-                if not self._latches:  # what is assumed of a latch that is not known
-                    later = _without_glitch(later, self._inputs)
-                verdict = judge_contract(self._clauses, later, from_reset=True)
-                broken = [each for each in verdict.clauses if each.first is not None]
+                broken = self._broken(_since(trace, begun), trial)
                 if broken:
                     first = min(broken, key=_first_cycle)
                     message = f"{first.clause.text}: {first.first.message}" if first.first else ""
                     cycle = Cycles(begun + _first_cycle(first))
                     return Counterexample(message, cycle, trial.options, levels, reset=trial.reset)
         return None
+
+    def _broken(self, trace: EdgeTrace, trial: ChipTrial) -> list[ClauseVerdict]:
+        """Return the clauses that a run from a reset breaks, also with what is assumed of an old latch."""
+        judged = judge_contract(self._clauses, trace, from_reset=True).clauses
+        begins_low = trial.reset is None and trial.options.start_seed is None
+        if not (self._latches or (begins_low and "latches" not in dict(trial.options.start))):
+            trace = _without_glitch(trace, self._inputs)
+        assumed = judge_contract(self._clauses, trace, from_reset=True).clauses
+        return [each for each, again in zip(judged, assumed, strict=True) if each.first and again.first]
 
 
 def _first_cycle(verdict: ClauseVerdict) -> int:

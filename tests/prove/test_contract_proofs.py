@@ -340,6 +340,28 @@ ASLEEP = """
 """
 
 
+BEGINS_HIGH = """
+        bsf     PORTB, 1
+        bsf     STATUS, RP0
+        bcf     TRISB, 1
+        bcf     STATUS, RP0
+        nop
+        bcf     PORTB, 1
+        goto    $
+"""
+
+
+def test_the_clause_that_is_named_is_broken_by_the_run_that_is_printed() -> None:
+    """BCF TRISB is in cycle 2: every chip rises there, and falls 3 cycles later."""
+    program = image(BEGINS_HIGH)
+    rises = '[[every]]\nevent = "RB1 rises"\nfirst_us = [2, 2]\n'
+    assert proof(program, rises).proven
+    contract = rises + '[[pulse]]\npin = "RB1"\nhigh_us = [4]\n'
+    found = proof(program, contract)
+    assert found.counterexample is not None and found.counterexample.message.startswith("pulse of RB1")
+    assert replayed(program, contract, found).startswith("violated")
+
+
 def test_an_output_that_is_not_written_before_sleep_has_either_level() -> None:
     """SLEEP lasts as long as it may, not the ten cycles for which such a level counts as low."""
     both = NEVER.replace("RB2", "RB3")
