@@ -129,8 +129,8 @@ def _add_hexapod(scene: Scene, robot: Hexapod) -> tuple[list[str], float]:
     half = [max(abs(getattr(mount, axis)) for mount in robot.mounts) for axis in ("x", "y")]
     half = [max(value, 0.01) for value in half]
     inertia = [
-        trunk / 3 * (one**2 + other**2)
-        for one, other in (
+        trunk / 3 * (across**2 + along**2)
+        for across, along in (
             (half[1], BODY_HEIGHT_M / 2),
             (half[0], BODY_HEIGHT_M / 2),
             (half[0], half[1]),
@@ -305,7 +305,7 @@ def _add_arm(scene: Scene, arm: Arm) -> tuple[list[str], float]:
                 )
             direction = (axis.direction * axis.row.ratio).tolist()
             add_joint(scene, body, joint.name, direction, joint.lower, joint.upper, kind)
-            if scene.actuators and scene.servo_of(joint.name) is None:
+            if scene.actuators and scene.joint_actuator(joint.name) is None:
                 xml.SubElement(
                     equality,
                     "joint",

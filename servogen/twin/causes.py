@@ -63,13 +63,13 @@ class Event:
         return {"seconds": self.seconds, "kind": self.kind.name.lower(), "text": self.text}
 
 
-def events_of(record: Record, job: PlannedJob, planned: PlannedRoute) -> tuple[Event, ...]:
+def run_events(record: Record, job: PlannedJob, planned: PlannedRoute) -> tuple[Event, ...]:
     """Return the events of a run, the first first."""
     events = [
-        *_broken(record),
-        *_silent(record, job),
+        *_broken_gears(record),
+        *_servos_without_pulses(record, job),
         *_supply(record),
-        *_saturated(record),
+        *_stalls(record),
         *_body(record, planned),
     ]
     return tuple(sorted(events, key=lambda event: (round(event.seconds / SATURATED_S), event.kind)))
@@ -82,13 +82,13 @@ def brown_out(record: Record) -> float | None:
     return float(record.time[low[0]]) if supply.feeds_chip and len(low) else None
 
 
-def _broken(record: Record) -> Iterator[Event]:
+def _broken_gears(record: Record) -> Iterator[Event]:
     for servo, wiring in zip(record.rig.servos, record.rig.wirings, strict=True):
         if wiring.broken:
             yield Event(0.0, EventKind.BROKEN, f"{servo.name} turns nothing: its gear is broken")
 
 
-def _silent(record: Record, job: PlannedJob) -> Iterator[Event]:
+def _servos_without_pulses(record: Record, job: PlannedJob) -> Iterator[Event]:
     """Yield the servos that are not driven although the plan has pulses for them throughout."""
     planned = ~np.isnan(job.trajectory.angles)
     since = max(OFF_S, record.held_from)
@@ -108,7 +108,7 @@ def _supply(record: Record) -> Iterator[Event]:
     if supply.limit_a is not None:
         samples = np.flatnonzero(record.current >= supply.limit_a * FULL)
         if len(samples):
-            stalled = _stalled(record)[samples].sum(axis=1)
+            stalled = _is_stalled(record)[samples].sum(axis=1)
             most = samples[stalled == stalled.max()]
             middle = int(most[len(most) // 2])
             when, seconds = float(record.time[samples[0]]), float(record.time[middle])
@@ -118,7 +118,7 @@ def _supply(record: Record) -> Iterator[Event]:
                 f"the supply is at its limit of {supply.limit_a:g} A from {when:.2f} s: with "
                 f"{counted(int(stalled.max()), 'stalled servo')} its voltage is "
                 f"{record.voltage[middle]:.2f} V at {seconds:.2f} s, "
-                f"where {_asked_for(record, middle):.1f} A are demanded",
+                f"where {_unlimited_current(record, middle):.1f} A are demanded",
             )
     when_low = brown_out(record)
     if when_low is not None:
@@ -130,13 +130,13 @@ def _supply(record: Record) -> Iterator[Event]:
         )
 
 
-def _stalled(record: Record) -> npt.NDArray[np.bool_]:
+def _is_stalled(record: Record) -> npt.NDArray[np.bool_]:
     """Return which servos get all the voltage there is and hardly move, in each sample."""
     top = np.array([drive.no_load_speed for drive in record.rig.drives])
     return np.asarray((np.abs(record.duty) >= FULL) & (np.abs(record.speed) < SLOW * top))
 
 
-def _asked_for(record: Record, sample: int) -> float:
+def _unlimited_current(record: Record, sample: int) -> float:
     """Return the current in amperes that the servos would draw if the supply had no limit."""
     drives = record.rig.drives
     duty, speed = record.duty[sample], record.speed[sample]
@@ -147,9 +147,9 @@ def _asked_for(record: Record, sample: int) -> float:
     return replace(record.rig.supply, limit_a=None).under(idle, a, b)[1]
 
 
-def _saturated(record: Record) -> Iterator[Event]:
+def _stalls(record: Record) -> Iterator[Event]:
     """Yield each servo that gets all the voltage there is and does not move, the first time."""
-    stuck = _stalled(record)
+    stuck = _is_stalled(record)
     least = max(1, round(SATURATED_S / SAMPLE_S))
     for index, servo in enumerate(record.rig.servos):
         start = _first_run(stuck[:, index], least)
@@ -190,12 +190,12 @@ def _body(record: Record, planned: PlannedRoute) -> Iterator[Event]:
             f"the body sinks from {when:.2f} s: to {1000 * height.min():.0f} mm "
             f"instead of {1000 * planned.height:.0f} mm",
         )
-    fallen = fallen_at(record)
+    fallen = fall_time(record)
     if fallen is not None:
         yield Event(fallen, EventKind.FALL, f"the robot falls at {fallen:.2f} s")
 
 
-def fallen_at(record: Record) -> float | None:
+def fall_time(record: Record) -> float | None:
     """Return when the body first lies on the ground or is tilted by 30°; None: it never falls."""
     lying = np.zeros(len(record.time), bool)
     if record.floating and record.feet.shape[1]:

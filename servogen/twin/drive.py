@@ -83,42 +83,25 @@ class ServoDrive:
         return max(1, math.ceil(own / (1000 * PHASE_RAD) * (1 - 1e-9)))
 
 
-def drive_of(servo: Servo) -> ServoDrive:
+def servo_drive(servo: Servo) -> ServoDrive:
     """Return the constants of a servo. Raises InputError for a model without speed or torque."""
-    model, said = servo.model, _Said(servo.model)
-    supply = said.value("supply_v", model.supply_v, SUPPLY_V, "V")
+    model, facts = servo.model, _StatedFacts(servo.model)
+    supply = facts.value("supply_v", model.supply_v, SUPPLY_V, "V")
     if model.continuous and model.speed is None:
         speed = max(abs(speed) for speed in servo.calibration.angles)
     else:
-        speed = _needed(servo, model.speed, "speed_deg_s")
+        speed = _require(servo, model.speed, "speed_deg_s")
     if model.continuous and model.torque_nm is None:
-        torque = said.value("torque_ncm", None, CONTINUOUS_TORQUE, "N·m")
+        torque = facts.value("torque_ncm", None, CONTINUOUS_TORQUE, "N·m")
     else:
-        torque = _needed(servo, model.torque_nm, "torque_ncm")
-    motor = model.motor
-    idle = said.value("idle_ma", model.idle_a, IDLE_A, "A")
-    no_load = said.value("no_load_ma", motor.no_load_a, 0.0, "A, no dry friction")
-    said.tell("speed_deg_s", f"speed_deg_s = {math.degrees(speed):.4g}")
-    said.tell("torque_ncm", f"torque_ncm = {100 * torque:.4g}")
+        torque = _require(servo, model.torque_nm, "torque_ncm")
+    idle = facts.value("idle_ma", model.idle_a, IDLE_A, "A")
+    no_load = facts.value("no_load_ma", model.motor.no_load_a, 0.0, "A, no dry friction")
+    facts.tell("speed_deg_s", f"speed_deg_s = {math.degrees(speed):.4g}")
+    facts.tell("torque_ncm", f"torque_ncm = {100 * torque:.4g}")
     if servo.calibration == model.calibration:
-        said.tell("points", "the pulses of its travel are assumed")
-    stall = motor.stall_a
-    power_a = torque * speed / supply
-    # No motor gives more power than it takes: Kt <= Ke. The root is where both are equal.
-    least_a = no_load + power_a / 2 + math.sqrt(power_a**2 / 4 + power_a * no_load)
-    if stall is None and model.max_a is not None and model.max_a - idle >= least_a:
-        said.note(f"the current at standstill is its max_ma, {model.max_a:g} A")
-        stall = model.max_a - idle
-    if stall is None:
-        efficiency = said.value("efficiency", motor.efficiency, EFFICIENCY, "")
-        stall = max(least_a, power_a / efficiency + no_load)
-        said.note(f"the current at standstill is {stall:.3g} A, from speed, torque and efficiency")
-    if stall <= no_load:
-        raise InputError(
-            "out-of-range",
-            f"{servo.name}: its current at standstill of {stall:g} A is not above that at full speed",
-            servo.place,
-        )
+        facts.tell("points", "the pulses of its travel are assumed")
+    stall = _stall_current(servo, facts, torque * speed / supply, no_load, idle)
     resistance = supply / stall
     speed_constant = (supply - resistance * no_load) / speed
     torque_constant = torque / (stall - no_load)
@@ -132,22 +115,7 @@ def drive_of(servo: Servo) -> ServoDrive:
         )
     per_us = servo.calibration.per_us
     damping = torque_constant * speed_constant / resistance
-    # The finest steps follow a product of both from `least` on: what nobody stated never makes it smaller.
-    fastest = 1000 * MAX_STEPS_PER_MS * PHASE_RAD
-    least = 0.0 if model.continuous else torque / (per_us * fastest**2 * damping)
-    slow = START_S if motor.full_drive_us is None else max(START_S, least / motor.full_drive_us)
-    start = said.value("start_ms", motor.start_s, slow, "s")
-    dead = said.value("dead_band_us", motor.dead_band_us, DEAD_BAND_US, "µs")
-    soft = math.ceil(1000 * max(FULL_DRIVE_US, least / start)) / 1000
-    full = said.value("full_drive_us", motor.full_drive_us, soft, "µs")
-    if full * start < least * (1 - 1e-9):
-        raise InputError(
-            "out-of-range",
-            f"{servo.name}: with start_ms = {1000 * start:g} and full_drive_us = {full:g} "
-            f"its loop is too fast for steps of {1000 // MAX_STEPS_PER_MS} µs",
-            servo.place,
-            "state a greater start_ms or full_drive_us",
-        )
+    start, dead, full = _loop_times(servo, facts, torque, damping)
     stiffness = torque / (full * per_us)
     critical = 2 * math.sqrt(stiffness * start * damping)
     return ServoDrive(
@@ -161,19 +129,71 @@ def drive_of(servo: Servo) -> ServoDrive:
         dead_band=dead * per_us,
         band=full * per_us,
         damping_s=max(0.0, (critical - damping) / stiffness),
-        lost_s=said.value("lost_ms", motor.lost_s, LOST_S, "s"),
-        backlash=said.value("backlash_deg", motor.backlash, 0.0, ""),
+        lost_s=facts.value("lost_ms", model.motor.lost_s, LOST_S, "s"),
+        backlash=facts.value("backlash_deg", model.motor.backlash, 0.0, ""),
         continuous=model.continuous,
-        assumptions=tuple(said.sentences),
+        assumptions=tuple(facts.sentences),
     )
+
+
+def _stall_current(servo: Servo, facts: _StatedFacts, power_a: float, no_load: float, idle: float) -> float:
+    """Return the motor's current at standstill, in amperes: stated, from max_ma, or from its efficiency.
+
+    `power_a` is the mechanical power (torque times speed) divided by the supply's voltage. Raises InputError.
+    """
+    model, motor = servo.model, servo.model.motor
+    stall = motor.stall_a
+    # No motor gives more power than it takes: Kt <= Ke. The root is where both are equal.
+    least_a = no_load + power_a / 2 + math.sqrt(power_a**2 / 4 + power_a * no_load)
+    if stall is None and model.max_a is not None and model.max_a - idle >= least_a:
+        facts.note(f"the current at standstill is its max_ma, {model.max_a:g} A")
+        stall = model.max_a - idle
+    if stall is None:
+        efficiency = facts.value("efficiency", motor.efficiency, EFFICIENCY, "")
+        stall = max(least_a, power_a / efficiency + no_load)
+        facts.note(f"the current at standstill is {stall:.3g} A, from speed, torque and efficiency")
+    if stall <= no_load:
+        raise InputError(
+            "out-of-range",
+            f"{servo.name}: its current at standstill of {stall:g} A is not above that at full speed",
+            servo.place,
+        )
+    return stall
+
+
+def _loop_times(
+    servo: Servo, facts: _StatedFacts, torque: float, damping: float
+) -> tuple[float, float, float]:
+    """Return the start time in seconds, the dead band and the error up to the full voltage, both in µs.
+
+    Raises InputError for a position loop that the finest steps of the physics cannot follow.
+    """
+    motor = servo.model.motor
+    # The finest steps follow a product of both from `least` on: what nobody stated never makes it smaller.
+    fastest = 1000 * MAX_STEPS_PER_MS * PHASE_RAD
+    least = 0.0 if servo.model.continuous else torque / (servo.calibration.per_us * fastest**2 * damping)
+    slow = START_S if motor.full_drive_us is None else max(START_S, least / motor.full_drive_us)
+    start = facts.value("start_ms", motor.start_s, slow, "s")
+    dead = facts.value("dead_band_us", motor.dead_band_us, DEAD_BAND_US, "µs")
+    soft = math.ceil(1000 * max(FULL_DRIVE_US, least / start)) / 1000
+    full = facts.value("full_drive_us", motor.full_drive_us, soft, "µs")
+    if full * start < least * (1 - 1e-9):
+        raise InputError(
+            "out-of-range",
+            f"{servo.name}: with start_ms = {1000 * start:g} and full_drive_us = {full:g} "
+            f"its loop is too fast for steps of {1000 // MAX_STEPS_PER_MS} µs",
+            servo.place,
+            "state a greater start_ms or full_drive_us",
+        )
+    return start, dead, full
 
 
 CONTINUOUS_TORQUE = 0.3
 """The torque of a continuous-rotation servo whose file states none: that of a standard servo, N·m."""
 
 
-class _Said:
-    """The facts of a model as they are used, and a sentence for each that is assumed."""
+class _StatedFacts:
+    """A model's facts as they are used, with a sentence for each that is assumed."""
 
     def __init__(self, model: ServoModel) -> None:
         self._model = model
@@ -204,7 +224,7 @@ def _in_key(key: str, value: float) -> float:
     return value
 
 
-def _needed(servo: Servo, value: float | None, key: str) -> float:
+def _require(servo: Servo, value: float | None, key: str) -> float:
     if value is None:
         raise InputError(
             "missing-key",

@@ -107,7 +107,7 @@ class LiveTwin:
     @property
     def cycle(self) -> int:
         """Return the first cycle of the step that was reached."""
-        return self._receiver.cycle_of(self.step)
+        return self._receiver.first_cycle(self.step)
 
     @property
     def snapshots(self) -> int:
@@ -119,7 +119,7 @@ class LiveTwin:
         Return whether it got there. The edges before the cycle have to be known. Raises InputError where the
         physics diverges.
         """
-        goal = self._receiver.step_of(cycle)
+        goal = self._receiver.step_at(cycle)
         place = bisect_right(self._at, goal) - 1
         if self.step > goal or self._at[place] > self.step:
             self._restore(self._at[place])
@@ -134,11 +134,11 @@ class LiveTwin:
 
     def forget(self, cycle: int) -> None:
         """Drop what followed from the edges of a cycle and those after it."""
-        last = bisect_right(self._at, self._receiver.step_of(cycle))
+        last = bisect_right(self._at, self._receiver.step_at(cycle))
         for step in self._at[last:]:
             del self._kept[step]
         del self._at[last:]
-        if self.step > self._receiver.step_of(cycle):
+        if self.step > self._receiver.step_at(cycle):
             self._restore(self._at[-1])
 
     def moment(self) -> Moment:
@@ -159,7 +159,7 @@ class LiveTwin:
 
     def _calculate(self, until: int) -> None:
         world, receiver = self._world, self._receiver
-        begin, end = receiver.cycle_of(world.step), receiver.cycle_of(until)
+        begin, end = receiver.first_cycle(world.step), receiver.first_cycle(until)
         self._waiting += receiver.pulses(self._edges(begin, end))
         count = 0
         while world.step < until:

@@ -82,7 +82,7 @@ class Scene:
     variation: Variation = Variation()
     held_at: float = 0.0
 
-    def servo_of(self, joint: str) -> Actuator | None:
+    def joint_actuator(self, joint: str) -> Actuator | None:
         """Return what turns a joint, several servos as if they were one; None if none does."""
         group = [actuator for actuator in self.actuators if actuator.joint == joint]
         if not group:
@@ -154,7 +154,7 @@ def add_joint(
     kind: str = "hinge",
 ) -> None:
     """Add a joint that a servo turns; its backlash is a second joint that only its limits hold."""
-    servo = scene.servo_of(name)
+    servo = scene.joint_actuator(name)
     extra: dict[str, str] = {}
     if servo is not None:
         if lower < upper:
@@ -201,7 +201,7 @@ def add_rod(
     """Add a rod with a mass that touches what its bits say, by default nothing; a short one is a ball."""
     radius = {"size": numbers(LINK_RADIUS_M), "mass": numbers(mass)}
     if math.dist(start, end) < 2 * LINK_RADIUS_M:
-        middle = [(one + other) / 2 for one, other in zip(start, end, strict=True)]
+        middle = [(begin + stop) / 2 for begin, stop in zip(start, end, strict=True)]
         add(body, "geom", type="sphere", pos=numbers(*middle), **radius, **bits)
     else:
         add(body, "geom", type="capsule", fromto=numbers(*start, *end), **radius, **bits)

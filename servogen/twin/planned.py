@@ -61,11 +61,11 @@ def planned_of(job: PlannedJob, lead_in_frames: int, loops: int) -> PlannedRoute
     feet, centre = standing_feet(job, angles)
     rigid = rigid_body_path(feet, centre).pose
     height = float((-feet[..., 2].min(axis=1)).min())
-    way, length = _asked(job, loops)
+    way, length = _route_end(job, loops)
     return PlannedRoute(frame_s, way, length, rigid, height=height)
 
 
-def _asked(job: PlannedJob, loops: int) -> tuple[tuple[float, float, float] | None, float | None]:
+def _route_end(job: PlannedJob, loops: int) -> tuple[tuple[float, float, float] | None, float | None]:
     """Return where [walk] leads: x, y, yaw at the end of its route, and how far it goes until then; None for
     a job without a route that ends.
     """

@@ -34,11 +34,11 @@ class PulseReceiver:
         self._cycles_per_step = clock.cycles_per_second * step_s
         self._us = float(1_000_000 / Fraction(clock.cycles_per_second))
 
-    def cycle_of(self, step: int) -> int:
+    def first_cycle(self, step: int) -> int:
         """Return the first cycle at or after the beginning of a step."""
         return -(-step * self._cycles_per_step.numerator // self._cycles_per_step.denominator)
 
-    def step_of(self, cycle: int) -> int:
+    def step_at(self, cycle: int) -> int:
         """Return the last step that begins at or before a cycle."""
         return cycle * self._cycles_per_step.denominator // self._cycles_per_step.numerator
 

@@ -15,7 +15,7 @@ from servogen.job import Job
 from servogen.robot.binding import Binding
 from servogen.robot.model import Robot
 from servogen.robot.servo import Servo
-from servogen.twin.drive import ServoDrive, drive_of
+from servogen.twin.drive import ServoDrive, servo_drive
 from servogen.twin.mjcf import Actuator
 from servogen.twin.supply import Supply
 from servogen.twin.world import ServoWiring
@@ -51,7 +51,7 @@ class TwinRig:
         return tuple(numbers[column] for column in self.columns)
 
 
-def rig_of(job: Job, broken: Sequence[str] = ()) -> TwinRig:
+def twin_rig(job: Job, broken: Sequence[str] = ()) -> TwinRig:
     """Return a job's servos on its robot. Raises InputError where there is none, or no such servo."""
     if job.robot is None:
         raise InputError(
@@ -73,7 +73,7 @@ def rig_of(job: Job, broken: Sequence[str] = ()) -> TwinRig:
     )
     columns = tuple(names.index(binding.servo) for binding in bindings)
     servos = tuple(job.servos[column] for column in columns)
-    drives = tuple(drive_of(servo) for servo in servos)
+    drives = tuple(servo_drive(servo) for servo in servos)
     actuators = tuple(
         _actuator(servo, binding, drive)
         for servo, binding, drive in zip(servos, bindings, drives, strict=True)
@@ -92,7 +92,7 @@ def rig_of(job: Job, broken: Sequence[str] = ()) -> TwinRig:
     )
 
 
-def unplugged(rig: TwinRig, names: Sequence[str]) -> frozenset[int]:
+def unplugged_servos(rig: TwinRig, names: Sequence[str]) -> frozenset[int]:
     """Return the numbers of servos whose signal wire is off. Raises InputError for an unknown name."""
     known = [servo.name for servo in rig.servos]
     for name in names:

@@ -31,7 +31,7 @@ from servogen.twin.drive import MAX_STEPS_PER_MS
 from servogen.twin.ground import Ground
 from servogen.twin.mjcf import Variation
 from servogen.twin.pulses import PulseReceiver, ReceivedPulse
-from servogen.twin.rig import TwinRig, rig_of, unplugged
+from servogen.twin.rig import TwinRig, twin_rig, unplugged_servos
 from servogen.twin.sensors import Feed, Sensor
 from servogen.twin.world import Energies, World
 
@@ -170,15 +170,15 @@ def standing(job: PlannedJob, settings: TwinSettings) -> tuple[TwinRig, Bodies, 
 
     Raises InputError, and ToolError where MuJoCo is missing.
     """
-    rig = rig_of(job, settings.broken)
+    rig = twin_rig(job, settings.broken)
     step_s = float(settings.following(rig).step_s)
-    built = bodies(rig.robot, rig.actuators, settings.ground, settings.variation, step_s, _held_at(job))
+    built = bodies(rig.robot, rig.actuators, settings.ground, settings.variation, step_s, _stand_height(job))
     world = World(built, rig.wirings, rig.supply, step_s, contacts=settings.contacts)
     _stand(world, job, rig, settings.ground)
     return rig, built, world
 
 
-def _held_at(job: PlannedJob) -> float:
+def _stand_height(job: PlannedJob) -> float:
     """Return the height at which the lowest planned foot just touches the ground."""
     feet = [end.points(job.trajectory.angles)[:, 2] for end in job.ends if end.kind == "foot"]
     lowest = min((float(np.nanmin(heights)) for heights in feet if not np.isnan(heights).all()), default=0.0)
@@ -231,7 +231,7 @@ class _Run:
         self.rig, self.world, self.bodies = rig, world, built
         self.lead_in_frames = lead_in_frames
         self.receiver = PulseReceiver(rig.pins(job), job.clock, settings.step_s)
-        self.off = unplugged(rig, settings.unplugged)
+        self.off = unplugged_servos(rig, settings.unplugged)
         self.sensors = [_sensor(row, world, rig) for row in job.sensors]
         held = [Levels(pin_number(input_.pin), ((0, input_.level),)) for input_ in schedule.inputs]
         scripted = Stimuli([*held, *(stimuli.sources if stimuli else ())])
@@ -262,8 +262,8 @@ class _Run:
         while step < end:
             until = min(step + self.chunk, end)
             if self.feed is not None:
-                self.feed.know(self.receiver.cycle_of(until + 1))
-            waiting += self._edges(self.receiver.cycle_of(until))
+                self.feed.know(self.receiver.first_cycle(until + 1))
+            waiting += self._edges(self.receiver.first_cycle(until))
             count = 0
             for step in range(step, until):  # noqa: B020 - continues where it was
                 while count < len(waiting) and waiting[count].step <= step:
@@ -302,7 +302,7 @@ class _Run:
             return
         for sensor in self.sensors:
             level = sensor.active if sensor.reads() else 1 - sensor.active
-            self.feed.push(self.receiver.cycle_of(step), sensor.pin, level)
+            self.feed.push(self.receiver.first_cycle(step), sensor.pin, level)
 
     def _end(self, first_pulse: int | None) -> int:
         """Return the step at which the run ends."""

@@ -17,7 +17,7 @@ from servogen.errors import Diagnostic
 from servogen.job import PlannedJob
 from servogen.job.schema import ExpectTable
 from servogen.robot.arm_file import MAX_MM
-from servogen.twin.causes import Event, brown_out, events_of, fallen_at
+from servogen.twin.causes import Event, brown_out, fall_time, run_events
 from servogen.twin.planned import PlannedRoute
 from servogen.twin.run import ROUNDING_S, SAMPLE_S, Record
 
@@ -140,9 +140,9 @@ class TwinVerdict:
             "verdict": self.word,
             "passed": self.passed,
             "missed": self.missed or None,
-            "asked": _way(self.planned.way) if self.planned.way else None,
-            "rigid_legs": None if rigid is None else _way(rigid[-1].tolist()),
-            "simulated": _way(self.done),
+            "asked": _travel(self.planned.way) if self.planned.way else None,
+            "rigid_legs": None if rigid is None else _travel(rigid[-1].tolist()),
+            "simulated": _travel(self.done),
             "drag_m": self.drag,
             "drag_leg": self.drag_leg or None,
             "tool_error_m": self.tool_error,
@@ -164,9 +164,9 @@ class TwinVerdict:
         }
 
 
-def _way(way: Sequence[float]) -> WayAnswer:
-    """Return a way of the body, in metres and radians, with the units in the names."""
-    forward, left, turn = way
+def _travel(travelled: Sequence[float]) -> WayAnswer:
+    """Return how far the body went, given in metres and radians, with the units in the keys."""
+    forward, left, turn = travelled
     return {"forward_m": forward, "left_m": left, "turn_deg": math.degrees(turn)}
 
 
@@ -184,7 +184,7 @@ def verdict_of(record: Record, job: PlannedJob, planned: PlannedRoute) -> TwinVe
         record,
         planned,
         tuple(checks),
-        events_of(record, job, planned),
+        run_events(record, job, planned),
         brown_out(record),
         travelled,
         drag,
@@ -193,7 +193,7 @@ def verdict_of(record: Record, job: PlannedJob, planned: PlannedRoute) -> TwinVe
         rest,
         job.warnings,
         job.expect is not None,
-        _missed(off, record, planned, travelled, tool),
+        _miss_text(off, record, planned, travelled, tool),
     )
 
 
@@ -223,7 +223,7 @@ def _usual(planned: PlannedRoute) -> ExpectTable:
     return ExpectTable(robot_within_mm=within_mm, turn_within_deg=WALK_DEG)
 
 
-def _missed(
+def _miss_text(
     off: tuple[float, float] | None,
     record: Record,
     planned: PlannedRoute,
@@ -235,8 +235,8 @@ def _missed(
         return f"the robot misses its plan by {off[0]:.1f} mm{share} and {off[1]:.1f}°"
     if planned.rigid is not None and _complete(record):  # an endless walk asks for no end
         x, y, yaw = planned.rigid[-1].tolist()
-        way, far = 1000 * math.hypot(x, y), 1000 * math.hypot(travelled[0] - x, travelled[1] - y)
-        share = f", whose way is {way:.1f} mm," if way else ""
+        length, far = 1000 * math.hypot(x, y), 1000 * math.hypot(travelled[0] - x, travelled[1] - y)
+        share = f", whose way is {length:.1f} mm," if length else ""
         turned = abs(math.degrees(travelled[2] - yaw))
         return f"the robot ends {far:.1f} mm beside what rigid legs would do{share} and {turned:.1f}° off"
     return "" if tool is None else f"the tool misses its path by up to {1000 * tool:.2f} mm"
@@ -261,7 +261,7 @@ def _checks(
     if not record.pulsed.any():
         count = len(record.rig.servos)
         checks.append(ExpectationCheck("servos without pulses", count, 0.0, "servos", False, 0.0))
-    fallen = fallen_at(record)
+    fallen = fall_time(record)
     if expect.no_fall and record.floating:
         checks.append(
             ExpectationCheck("falls", float(fallen is not None), 0.0, "times", fallen is None, fallen)
@@ -296,9 +296,9 @@ def _drag(record: Record) -> tuple[float, str, float]:
     worst, leg, when = 0.0, "", 0.0
     names = [limb.name for limb in record.rig.robot.limbs]
     for index in range(feet.shape[1]):
-        ways = np.linalg.norm(np.diff(feet[:, index, :2], axis=0), axis=1)
+        moves = np.linalg.norm(np.diff(feet[:, index, :2], axis=0), axis=1)
         on = stands[1:, index] & stands[:-1, index]
-        total = np.cumsum(np.where(on, ways, 0.0))
+        total = np.cumsum(np.where(on, moves, 0.0))
         dragged = total - np.maximum.accumulate(np.where(on, 0.0, total))
         last = int(np.argmax(dragged)) if len(dragged) else 0
         if len(dragged) and dragged[last] > worst:

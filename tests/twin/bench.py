@@ -9,7 +9,7 @@ import numpy as np
 
 from servogen.robot.servo import Servo
 from servogen.twin.bodies import Bodies
-from servogen.twin.drive import ServoDrive, drive_of
+from servogen.twin.drive import ServoDrive, servo_drive
 from servogen.twin.ground import Ground
 from servogen.twin.mjcf import document
 from servogen.twin.pulses import ReceivedPulse
@@ -57,7 +57,7 @@ def disc(drive: ServoDrive, upper: float, step_s: float = 0.001, inertia: float 
 
 def world_of(servo: Servo, upper: float, supply: Supply | None = None, **options: float) -> World:
     """Return the bench: the servo turns its disc towards any angle that a width names as radians."""
-    drive = drive_of(servo)
+    drive = servo_drive(servo)
     return World(
         disc(drive, upper, **options),
         [ServoWiring(drive, lambda width: width, 0.0)],
@@ -68,7 +68,7 @@ def world_of(servo: Servo, upper: float, supply: Supply | None = None, **options
 
 def on_the_bench(servo: Servo) -> Seen:
     """Return what the servo does when it is sent far away, with and without a stop in its way."""
-    per_ms = drive_of(servo).steps_per_ms
+    per_ms = servo_drive(servo).steps_per_ms
     free, held = (world_of(servo, upper, step_s=0.001 / per_ms) for upper in (1e3, 0.0))
     speeds = []
     for step in range(300 * per_ms):
@@ -85,7 +85,7 @@ def on_the_bench(servo: Servo) -> Seen:
 
 def speed_against(servo: Servo, load: float) -> float:
     """Return the speed after 0.3 s of a servo that is sent far away against a torque."""
-    per_ms = drive_of(servo).steps_per_ms
+    per_ms = servo_drive(servo).steps_per_ms
     world = world_of(servo, 1e3, step_s=0.001 / per_ms)
     world.data.qfrc_applied[0] = -load
     for step in range(300 * per_ms):
@@ -97,7 +97,7 @@ def speed_against(servo: Servo, load: float) -> float:
 
 def weight_world(servo: Servo, mass: float, arm: float) -> tuple[World, Energies]:
     """Return a servo that lifts a weight on an arm from where it hangs, and its account of energies."""
-    drive = drive_of(servo)
+    drive = servo_drive(servo)
     root, world = document("weight", Ground())
     body = xml.SubElement(world, "body", pos="0 0 1")
     xml.SubElement(body, "joint", name="shaft", axis="0 -1 0", armature=str(drive.inertia))

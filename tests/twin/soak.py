@@ -17,7 +17,7 @@ from servogen.errors import InputError
 from servogen.robot.servo import servo
 from servogen.robot.servo_models import names, servo_model
 from servogen.twin import Ground, TwinSettings, TwinVerdict, Variation
-from servogen.twin.drive import drive_of
+from servogen.twin.drive import servo_drive
 from tests.twin.bench import on_the_bench, speed_against
 from tests.twin.walking import CURVE, SUPPLIED, TURN, WALK, Firmware, rigid_end, walking
 
@@ -163,7 +163,7 @@ def servos() -> None:
     for name in names():
         model = servo_model(name)
         arm, assumed = servo("arm", "RB0", model), model.motor.assumed
-        drive = drive_of(arm)
+        drive = servo_drive(arm)
         speed, stall = on_the_bench(arm).speed, drive.stall_torque
         low, high = 0.9 * stall, 1.1 * stall
         while high - low > 1e-4 * stall:

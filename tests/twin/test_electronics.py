@@ -10,7 +10,7 @@ pytest.importorskip("mujoco", reason="the twin's physics needs MuJoCo: pip insta
 
 from servogen.edges import HIGH, LOW, PINS, EdgeChunk
 from servogen.robot.servo import Servo
-from servogen.twin.drive import drive_of
+from servogen.twin.drive import servo_drive
 from servogen.twin.pulses import PulseReceiver, ReceivedPulse
 from servogen.twin.world import World
 from servogen.units import Clock
@@ -56,11 +56,11 @@ def test_each_width_is_a_new_target(tiny: Servo) -> None:
     world = world_of(tiny, 1e3)
     for angle in (0.3, -0.2, 0.25):
         world.pulse(ReceivedPulse(world.step, 0, angle))
-        assert turned(world, 80) == pytest.approx(angle, abs=1.1 * drive_of(tiny).dead_band)
+        assert turned(world, 80) == pytest.approx(angle, abs=1.1 * servo_drive(tiny).dead_band)
 
 
 def test_within_its_dead_band_a_servo_stays(tiny: Servo) -> None:
-    band = drive_of(tiny).dead_band
+    band = servo_drive(tiny).dead_band
     assert math.degrees(band) == pytest.approx(0.72)  # 2 µs, where 500 µs are 180°
     world = world_of(tiny, 1e3)
     world.pulse(ReceivedPulse(0, 0, 0.99 * band))
@@ -71,7 +71,7 @@ def test_within_its_dead_band_a_servo_stays(tiny: Servo) -> None:
 
 def test_a_servo_that_turns_round_loses_the_dead_band_on_both_sides(tiny: Servo) -> None:
     """It is led up and back in steps of 0.4 dead bands, one with each pulse."""
-    band = drive_of(tiny).dead_band
+    band = servo_drive(tiny).dead_band
     world, command = world_of(tiny, 1e3), 0.0
 
     def led(step: float) -> float:
@@ -92,13 +92,13 @@ def test_a_servo_that_turns_round_loses_the_dead_band_on_both_sides(tiny: Servo)
 def test_without_pulses_the_motor_is_open_after_its_time_and_the_next_pulse_drives_it_again(
     tiny: Servo,
 ) -> None:
-    lost_ms = round(1000 * drive_of(tiny).lost_s)
+    lost_ms = round(1000 * servo_drive(tiny).lost_s)
     world = world_of(tiny, 1e3)
     world.pulse(ReceivedPulse(0, 0, 500.0))
     turned(world, lost_ms)
     assert world.duty[0] == 1 and world.current > 0
     turned(world, 2)
-    idle = drive_of(tiny).idle_a
+    idle = servo_drive(tiny).idle_a
     assert world.duty[0] == 0 and world.current == pytest.approx(idle)
     assert float(world.data.actuator_force[0]) == 0
     here = turned(world, 100)

@@ -64,7 +64,7 @@ def test_each_servo_is_an_actuator_with_its_ratio_as_gear() -> None:
         ("a", "one", [2.0]),
         ("b", "two", [-0.5]),
     ]
-    assert scene.servo_of("two") == servos[1] and scene.servo_of("three") is None
+    assert scene.joint_actuator("two") == servos[1] and scene.joint_actuator("three") is None
 
 
 def test_gravity_points_down_the_slope() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from servogen.errors import InputError
 from servogen.job import loads
-from servogen.twin.rig import TwinRig, rig_of, unplugged
+from servogen.twin.rig import TwinRig, twin_rig, unplugged_servos
 from servogen.twin.supply import Supply
 from tests.twin.walking import JOBS
 
@@ -21,7 +21,7 @@ POSES = (
 
 
 def rig(text: str, broken: Sequence[str] = ()) -> TwinRig:
-    return rig_of(loads(text, str(JOBS / "test.toml")), broken)
+    return twin_rig(loads(text, str(JOBS / "test.toml")), broken)
 
 
 def scara(extra: str = "", broken: Sequence[str] = ()) -> TwinRig:
@@ -69,13 +69,13 @@ def test_a_servo_that_turns_no_joint_is_not_modelled() -> None:
 def test_broken_and_unplugged_servos_are_named() -> None:
     found = scara(broken=("elbow", "wrist"))
     assert [wiring.broken for wiring in found.wirings] == [False, True, False, True]
-    assert unplugged(found, ("wrist", "shoulder")) == {0, 3}
-    assert unplugged(found, ()) == frozenset()
+    assert unplugged_servos(found, ("wrist", "shoulder")) == {0, 3}
+    assert unplugged_servos(found, ()) == frozenset()
     with pytest.raises(InputError, match="there is no servo 'elbo'") as caught:
         scara(broken=("elbo",))
     assert "elbow" in (caught.value.hint or "")
     with pytest.raises(InputError, match="there is no servo 'lifts'") as caught:
-        unplugged(found, ("shoulder", "lifts"))
+        unplugged_servos(found, ("shoulder", "lifts"))
     assert "lift" in (caught.value.hint or "")
 
 

@@ -21,7 +21,7 @@ from servogen.report.drawing import PALETTE
 from servogen.simulator import Levels, Stimuli
 from servogen.simulator.layout import PACK_CYCLE, PACK_PIN
 from servogen.twin import pictures
-from servogen.twin.causes import Event, EventKind, brown_out, events_of, fallen_at
+from servogen.twin.causes import Event, EventKind, brown_out, fall_time, run_events
 from servogen.twin.ground import Ground
 from servogen.twin.pictures import (
     check_rows,
@@ -357,7 +357,7 @@ def test_the_words_reasons_and_json_of_a_verdict() -> None:
 
 
 def events(made: Record, planned: PlannedRoute = STILL, **changes: object) -> list[tuple[float, str]]:
-    return [(round(event.seconds, 9), event.text) for event in events_of(made, job(**changes), planned)]
+    return [(round(event.seconds, 9), event.text) for event in run_events(made, job(**changes), planned)]
 
 
 @pytest.mark.parametrize(
@@ -478,13 +478,13 @@ def test_a_robot_lies_when_its_body_is_at_half_its_height_and_two_millimetres() 
         pose = made.pose.copy()
         pose[50:, 2] = height
         down = replace(made, pose=pose)
-        assert fallen_at(down) == fallen
-        assert fallen_at(replace(down, floating=False)) is None
-        assert fallen_at(replace(down, feet=np.zeros((SAMPLES, 0, 3)))) is None
+        assert fall_time(down) == fallen
+        assert fall_time(replace(down, floating=False)) is None
+        assert fall_time(replace(down, feet=np.zeros((SAMPLES, 0, 3)))) is None
     for degrees, fallen in ((29.99, None), (30.01, 0.25)):
         tilt = made.tilt.copy()
         tilt[50] = math.radians(degrees)
-        assert fallen_at(replace(made, tilt=tilt)) == fallen
+        assert fall_time(replace(made, tilt=tilt)) == fallen
     fell = events(replace(made, tilt=tilt), replace(STILL, height=0.01))
     assert fell == [(0.25, "the robot falls at 0.25 s")]
 
@@ -494,7 +494,7 @@ def test_of_two_events_within_60_ms_the_kind_decides_which_is_the_cause() -> Non
     made = record()
     tilt, pulsed = made.tilt.copy(), made.pulsed.copy()
     tilt[62], pulsed[64:, 0], pulsed[68:, 1] = 1.0, False, False
-    found = events_of(replace(made, tilt=tilt, pulsed=pulsed), job(), replace(STILL, height=0.1))
+    found = run_events(replace(made, tilt=tilt, pulsed=pulsed), job(), replace(STILL, height=0.1))
     assert [event.kind for event in found] == [EventKind.NO_PULSES, EventKind.FALL, EventKind.NO_PULSES]
 
 
@@ -784,9 +784,9 @@ def test_pulses_take_effect_at_the_first_step_at_or_after_their_fall() -> None:
     receiver = PulseReceiver((PINS.index("RB0"), PINS.index("RA1")), Clock(3_276_800), Fraction(1, 1000))
     for step in range(12):
         first = math.ceil(step * 819.2)
-        assert receiver.cycle_of(step) == first
-        assert receiver.step_of(first) == step
-        assert step == 0 or receiver.step_of(first - 1) == step - 1
+        assert receiver.first_cycle(step) == first
+        assert receiver.step_at(first) == step
+        assert step == 0 or receiver.step_at(first - 1) == step - 1
     edges = [
         (1, 5, 1),
         (3, 4, 1),

@@ -13,7 +13,7 @@ import pytest
 pytest.importorskip("mujoco", reason="the twin's physics needs MuJoCo: pip install 'servogen[twin]'")
 
 from servogen.twin.bodies import Bodies
-from servogen.twin.drive import ServoDrive, drive_of
+from servogen.twin.drive import ServoDrive, servo_drive
 from servogen.twin.ground import Ground
 from servogen.twin.mjcf import Actuator, Scene, add_actuators, add_joint, document
 from servogen.twin.pulses import ReceivedPulse
@@ -22,8 +22,8 @@ from servogen.twin.world import Energies, ServoWiring, World
 from tests.twin.test_drive import of
 
 RATIOS = (2.0, -1.0)
-TINY, S3001 = drive_of(of("mpx-tiny-s", 4.8)), drive_of(of("futaba-s3001"))
-WHEEL = drive_of(of("continuous", speed=5.0, torque_nm=0.2))
+TINY, S3001 = servo_drive(of("mpx-tiny-s", 4.8)), servo_drive(of("futaba-s3001"))
+WHEEL = servo_drive(of("continuous", speed=5.0, torque_nm=0.2))
 
 
 def two(

@@ -600,11 +600,32 @@ def square_root(gen: InstructionBuilder, key: tuple[int, ...], library: Library)
         for name, length in (("radicand", size - 1), ("rest", size), ("trial", size))
     )
     count = variable(gen, "count", 1)[0]
-    root = [r.guard, *r.mantissa]
     bits = 8 * (size - 1) + 2
-    finite, normalise, ready, start, loop, smaller = gen.new_labels(
-        "finite", "normalise", "ready", "start", "loop", "smaller"
-    )
+    _return_special_root(gen, r, packing, nan)
+    _show_hidden_bit(gen, r.top, r.exponent)
+    _add_exponent(gen, r, Imm(FLOAT_BIAS))
+    normalise, ready, loop = gen.new_labels("normalise", "ready", "loop")
+    labels = normalise, ready
+    _move_to_top(gen, r.mantissa, labels, 8 * size, lambda: gen.emit("DECF", r.exponent, 1))
+    _take(gen, radicand, r.mantissa)
+    gen.clear(rest)
+    _find_first_bit(gen, r, radicand, rest)
+    gen.move(count, Imm(bits - 1))
+    gen.label(loop, bits)
+    _find_next_bit(gen, [r.guard, *r.mantissa], radicand, rest, trial)
+    gen.emit("DECFSZ", count, 1)
+    gen.goto(loop)
+    gen.emit("MOVLW", k=8 * size - bits)
+    gen.emit("ADDWF", r.exponent, 1)
+    _keep_rest(gen, r, rest, packing)
+    gen.goto(packing)
+
+
+def _return_special_root(gen: InstructionBuilder, r: Registers, packing: str, nan: str) -> None:
+    """End the routine for zeros, negative numbers, infinity and what is no number; of any other number leave
+    the exponent without the sign.
+    """
+    finite = gen.new_label("finite")
     _load_seven_bits(gen, r.exponent, r.mantissa)
     gen.skip_if(Z, False)
     gen.emit("RETURN")  # the root of a zero is that zero
@@ -617,17 +638,17 @@ def square_root(gen: InstructionBuilder, key: tuple[int, ...], library: Library)
     gen.goto_if(Z, False, nan)
     gen.goto(packing)
     gen.label(finite)
-    _show_hidden_bit(gen, r.top, r.exponent)
-    _add_exponent(gen, r, Imm(FLOAT_BIAS))
-    labels = normalise, ready
-    _move_to_top(gen, r.mantissa, labels, 8 * size, lambda: gen.emit("DECF", r.exponent, 1))
-    _take(gen, radicand, r.mantissa)
-    gen.clear(rest)
-    # half the exponent; its lowest bit, now in `high`, says that the radicand counts twice
+
+
+def _find_first_bit(gen: InstructionBuilder, r: Registers, radicand: list[Loc], rest: list[Loc]) -> None:
+    """Halve the exponent and set the root's first bit, which is 1: of the radicand's first two bits 0, 1 or 2
+    is left.
+    """
+    start = gen.new_label("start")
+    # The exponent's lowest bit, then in `high`, says that the radicand counts twice.
     gen.emit("RRF", r.high, 1)
     gen.emit("RRF", r.exponent, 1)
     gen.emit("RLF", r.high, 1)
-    # the first bit of the root is 1, and what is left of the first two bits of the radicand is 0, 1 or 2
     gen.emit("INCF", r.guard, 1)
     one_left(gen, radicand)
     gen.goto_if(0, False, start, r.high)
@@ -637,8 +658,13 @@ def square_root(gen: InstructionBuilder, key: tuple[int, ...], library: Library)
     gen.emit("INCF", rest[0], 1)
     gen.label(start)
     gen.emit("CLRF", r.high)
-    gen.move(count, Imm(bits - 1))
-    gen.label(loop, bits)
+
+
+def _find_next_bit(
+    gen: InstructionBuilder, root: list[Loc], radicand: list[Loc], rest: list[Loc], trial: list[Loc]
+) -> None:
+    """Append a bit to the root: 1 if the rest with two more bits of the radicand is 4 * root + 1 or more."""
+    smaller = gen.new_label("smaller")
     for _ in range(2):
         one_left(gen, [*radicand, *rest])
     gen.emit("BCF", STATUS, b=C)
@@ -652,12 +678,6 @@ def square_root(gen: InstructionBuilder, key: tuple[int, ...], library: Library)
     subtract(gen, rest, list(rest), list(trial))
     gen.label(smaller)
     rotate_left(gen, root)
-    gen.emit("DECFSZ", count, 1)
-    gen.goto(loop)
-    gen.emit("MOVLW", k=8 * size - bits)
-    gen.emit("ADDWF", r.exponent, 1)
-    _keep_rest(gen, r, rest, packing)
-    gen.goto(packing)
 
 
 FLOAT_ROUTINES: dict[str, Callable[[InstructionBuilder, tuple[int, ...], Library], None]] = {
