@@ -211,6 +211,19 @@ def test_a_byte_that_decides_nothing_is_forgotten_where_the_hints_say_so() -> No
     assert few < 256 <= many
 
 
+def test_a_check_may_take_what_is_allowed_and_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    program, contract = image(ANSWER.format(delay="")), answer(2, 6)
+    given = hints(program, contract)
+    took = check_contract(program, contract, CLOCK, given)
+    for name, most in (("MAX_STOPS", took.states), ("MAX_CYCLES", took.cycles)):
+        monkeypatch.setattr(f"servogen.checker.contract.{name}", most)
+        assert check_contract(program, contract, CLOCK, given) == took
+        monkeypatch.setattr(f"servogen.checker.contract.{name}", most - 1)
+        with pytest.raises(NotCovered, match="more states, or cycles, than are allowed"):
+            check_contract(program, contract, CLOCK, given)
+        monkeypatch.undo()
+
+
 CLAUSES = {
     "pulse": '[[pulse]]\npin = "RB1"\nhigh_us = [2, 9]\nlow_us = [1, 12]\nperiod_us = [4, 15]\n',
     "response": '[[response]]\nwhen = "RB1 falls"\nthen = "RB2 changes"\nwithin_us = [1, 14]\n',
@@ -255,3 +268,10 @@ def watched(contract: str, moments: list[tuple[int, int, int]], end: int) -> boo
         except ClauseBroken:
             return False
     return True
+
+
+def test_an_event_out_of_its_turn_is_told_with_the_one_that_is_due() -> None:
+    (watch,) = read_watches(CLAUSES["order"], Fraction(1_000_000), 0)
+    for taken in (0, 2):  # RB2 changes where RB1 has to rise, or to fall
+        with pytest.raises(ClauseBroken, match=f"^an event comes where number {taken + 1} is due$"):
+            watch.change((taken,), 0, 1 << 7)

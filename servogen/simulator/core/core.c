@@ -81,7 +81,6 @@ INLINED void wait_for_timer(Chip *s, Cpu *p, i64 word, bool tracked)
     i64 r = t0_read(s, p->cycle - UNTIL_READ);
     if (tracked) {
         if (ru | p->su) {
-            p->su = propagate(OP_MOVF, 0, r, ru, p->w, p->wu, p->su, r) >> 16;
             i64 both = propagate(OP_XORWF, 0, v, vu, r, ru, p->su, v ^ r);
             p->su = both >> 16;
             ru = both & 0xFFFF;

@@ -220,7 +220,7 @@ static void port_write(Chip *s, i64 *edges, i64 cycle, i64 port, i64 value, i64 
         s->latch_unknown = (s->latch_unknown & PORT_A) | bits << B_SHIFT;
         read_port_b(s);
     }
-    if (s->driven_unknown & port)
+    if (s->driven_unknown)
         settle_unknown(s, cycle, port);
     if (s->tracked && bits)
         outputs_in_doubt(s, ~s->tris & port & ~s->driven_unknown, unknown >> 8);
@@ -248,7 +248,7 @@ static void tris_write(Chip *s, i64 *edges, i64 cycle, i64 port, i64 value, i64 
         use(s, USE_DIRECTION, port == PORT_A ? 0 : 1, unknown >> 8);
     i64 before = s->tris;
     s->tris = port == PORT_A ? (before & PORT_B) | (value & PORT_A) : (before & PORT_A) | value << B_SHIFT;
-    if (s->driven_unknown & port)
+    if (s->driven_unknown)
         settle_unknown(s, cycle, port);
     i64 fresh = before & ~s->tris & s->latch_unknown;
     if (fresh)
