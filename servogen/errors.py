@@ -6,7 +6,7 @@ Diagnostics are formatted as gcc's are, so that editors find the place: `file:li
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from copy import copy
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
@@ -231,3 +231,11 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
         return f"did you mean '{lower[close[0]]}'?"
     more = ", …" if len(names) > MAX_LISTED else ""
     return f"known: {', '.join(names[:MAX_LISTED])}{more}"
+
+
+def check_known(
+    code: str, word: str, known: Collection[str], message: str, place: Location | None = None
+) -> None:
+    """Raise InputError, with the known word most similar to it as a hint, for a word that is not known."""
+    if word not in known:
+        raise InputError(code, message, place, did_you_mean(word, known))

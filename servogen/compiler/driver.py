@@ -41,7 +41,7 @@ from servogen.compiler.passes.outlining import outline
 from servogen.compiler.sema.call_graph import CallGraph, call_graph, check_calls, globals_of
 from servogen.compiler.sema.checks import check_program
 from servogen.compiler.sema.translation_unit import analyse
-from servogen.errors import Diagnostic, InputError, Location, SourceLines, did_you_mean
+from servogen.errors import Diagnostic, InputError, Location, SourceLines, check_known, did_you_mean
 from servogen.graph import reached
 from servogen.pic.device import CONFIG_WATCHDOG_ON, Device
 from servogen.pic.image import Image
@@ -77,16 +77,8 @@ class Compilation:
 def compile_sources(sources: Sequence[Source], options: Options | None = None) -> Compilation:
     """Compile the source files of one program. Raises InputError with all errors and warnings."""
     options = options or Options()
-    if options.dialect not in DIALECTS:
-        raise InputError(
-            "bad-option", f"unknown dialect '{options.dialect}'", hint=did_you_mean(options.dialect, DIALECTS)
-        )
-    if options.optimise not in LEVELS:
-        raise InputError(
-            "bad-option",
-            f"unknown level of optimisation '{options.optimise}'",
-            hint=did_you_mean(options.optimise, LEVELS),
-        )
+    check_known("bad-option", options.dialect, DIALECTS, f"unknown dialect '{options.dialect}'")
+    check_known("bad-option", options.optimise, LEVELS, f"unknown level of optimisation '{options.optimise}'")
     if options.dump_ir is not None and options.dump_ir not in PASSES:
         raise InputError(
             "bad-option", f"unknown pass '{options.dump_ir}'", hint=did_you_mean(options.dump_ir, PASSES)

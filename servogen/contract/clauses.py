@@ -27,7 +27,7 @@ from servogen.contract.observers import (
     SerialObserver,
 )
 from servogen.edges import HIGH, LOW, PINS
-from servogen.errors import InputError, Location, did_you_mean
+from servogen.errors import InputError, Location
 from servogen.toml.file import Document, Table, exact, parse, read, validate
 from servogen.toml.locations import Key
 from servogen.units import Clock
@@ -299,10 +299,7 @@ class _Reader:
         return EveryObserver(what, first, gap), f"every: {what} {', '.join(said)}", "event"
 
     def _pin(self, name: str, key: Key) -> int:
-        if name not in PINS:
-            raise self._document.error(
-                "unknown-pin", key, f"there is no pin '{name}'", did_you_mean(name, PINS)
-            )
+        self._document.check_known("unknown-pin", key, name, PINS, f"there is no pin '{name}'")
         return PINS.index(name)
 
     def _event(self, text: str, key: Key) -> PinEvent:

@@ -25,7 +25,7 @@ import numpy.typing as npt
 from servogen.debug.symbols import Variable, routine, variable
 from servogen.debug.time_machine import TimeMachine
 from servogen.edges import HIGH, LOW, PINS, EdgeChunk, join, part
-from servogen.errors import InputError, did_you_mean
+from servogen.errors import InputError, check_known
 from servogen.pic.device import PROGRAM_WORDS
 from servogen.pic.image import Image
 from servogen.pic.isa import decode
@@ -120,8 +120,7 @@ def parse_breakpoint(text: str, listing: Listing | None) -> Breakpoint:
         return AtAddress(text, frozenset((routine(match["name"], listing),)))
     if match := _EDGE.fullmatch(text):
         pin = match["pin"].upper()
-        if pin not in PINS:
-            raise InputError("unknown-pin", f"there is no pin '{pin}'", hint=did_you_mean(pin, PINS))
+        check_known("unknown-pin", pin, PINS, f"there is no pin '{pin}'")
         direction = (match["way"] or "").lower()
         return AtEdge(text, PINS.index(pin), {"rise": HIGH, "fall": LOW}.get(direction))
     if match := _CONDITION.fullmatch(text):

@@ -12,7 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
-from servogen.errors import InputError, Location, did_you_mean
+from servogen.errors import InputError, Location, check_known
 from servogen.inputs import count_in
 from servogen.job import PlannedJob
 from servogen.motion.trajectory import Floats, JointTrajectory
@@ -107,8 +107,7 @@ def _angles(servos: Sequence[Servo], text: str) -> Floats:
     angles = np.full(len(servos), np.nan)
     for part in text.split(","):
         name, _, value = (word.strip() for word in part.partition("="))
-        if name not in by_name:
-            raise InputError("unknown-servo", f"there is no servo '{name}'", hint=did_you_mean(name, by_name))
+        check_known("unknown-servo", name, by_name, f"there is no servo '{name}'")
         try:
             angle = float(np.radians(float(value)))
         except ValueError:

@@ -264,13 +264,9 @@ def _position(
 ) -> TaskPosition:
     known = [lab_servo.servo.name for lab_servo in servos]
     for name in table.angles_deg:
-        if name not in known:
-            raise document.error(
-                "unknown-servo",
-                (*key, "angles_deg", name),
-                f"unknown servo '{name}'",
-                did_you_mean(name, known),
-            )
+        document.check_known(
+            "unknown-servo", (*key, "angles_deg", name), name, known, f"unknown servo '{name}'"
+        )
     ranges = []
     for lab_servo in servos:
         name = lab_servo.servo.name

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from servogen.engines.inputs import EngineInput, check_free
 from servogen.engines.inputs.wire import FrameWire
 from servogen.engines.registry import ENGINES
-from servogen.errors import did_you_mean
 from servogen.job.schema import ChipPairTable, ChipTable, JobTable, ServoTable
 from servogen.motion import JointTrajectory
 from servogen.pic.device import OPEN_DRAIN_PIN
@@ -66,10 +65,7 @@ def chips_of(document: Document, rows: Sequence[ServoTable]) -> tuple[PairedChip
         if mine is None:
             raise document.error("missing-key", ("chip", index), "'servos' is missing", "add servos = […]")
         for name in mine:
-            if name not in names:
-                raise document.error(
-                    "unknown-servo", where, f"there is no servo '{name}'", did_you_mean(name, names)
-                )
+            document.check_known("unknown-servo", where, name, names, f"there is no servo '{name}'")
             if others is not None and name in others:
                 raise document.error("chip-pair", where, f"both chips have the servo {name}", "name it once")
     left = next((name for name in names if not any(mine and name in mine for mine in lists)), None)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from servogen.errors import Diagnostic, InputError, did_you_mean
+from servogen.errors import Diagnostic, InputError
 from servogen.job.job import Job
 from servogen.job.schema import DriveTable
 from servogen.kinematics.protocol import DrivingRobot, Routine, Stretch
@@ -116,10 +116,7 @@ def _wheels(
     by_name = {servo.name: servo for servo in servos}
     for index, name in enumerate(table.wheels):
         key = ("drive", "wheels", index)
-        if name not in by_name:
-            raise document.error(
-                "unknown-servo", key, f"there is no servo '{name}'", did_you_mean(name, by_name)
-            )
+        document.check_known("unknown-servo", key, name, by_name, f"there is no servo '{name}'")
         if name in table.wheels[:index]:
             raise document.error("joint-binding", key, f"'{name}' is the servo of two wheels")
         if not by_name[name].model.continuous:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from servogen.errors import Diagnostic, InputError, did_you_mean
+from servogen.errors import Diagnostic, InputError
 from servogen.job.job import Job
 from servogen.job.schema import ProgramTable
 from servogen.job.tip import ArmTip
@@ -78,8 +78,7 @@ def _hand(
         return None
     by_name = {servo.name: servo for servo in servos}
     name, key = table.hand.servo, ("program", "hand", "servo")
-    if name not in by_name:
-        raise document.error("unknown-servo", key, f"there is no servo '{name}'", did_you_mean(name, by_name))
+    document.check_known("unknown-servo", key, name, by_name, f"there is no servo '{name}'")
     if name in [binding.servo for binding in bindings]:
         raise document.error("joint-binding", key, f"'{name}' already turns a joint of the arm")
     if by_name[name].model.continuous:

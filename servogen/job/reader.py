@@ -267,10 +267,7 @@ def _chosen_pins(document: Document, asked: MotionCommandsTable) -> dict[str, st
     key, pins = ("motion", "commands", "buttons"), asked.buttons or {}
     names = [row.name for row in asked.segments]
     for name in pins:
-        if name not in names:
-            raise document.error(
-                "unknown-name", (*key, name), f"no segment is named '{name}'", did_you_mean(name, names)
-            )
+        document.check_known("unknown-name", (*key, name), name, names, f"no segment is named '{name}'")
     missing = next((name for name in names if name not in pins), None)
     if missing is not None:
         raise document.error("missing-key", key, f"{missing} has no button", f'add {missing} = "RB7"')
@@ -419,10 +416,7 @@ def _sensors(
     taken = {servo.pin: servo.name for servo in servos}
     for index, row in enumerate(table.sensor):
         key = ("sensor", index)
-        if row.pin not in PINS:
-            raise document.error(
-                "unknown-pin", (*key, "pin"), f"unknown pin '{row.pin}'", did_you_mean(row.pin, PINS)
-            )
+        document.check_known("unknown-pin", (*key, "pin"), row.pin, PINS, f"unknown pin '{row.pin}'")
         if row.pin in taken:
             raise document.error(
                 "pin-in-use", (*key, "pin"), f"{row.pin} is in use: {taken[row.pin]}", "use another pin"

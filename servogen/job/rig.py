@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from servogen.edges import PINS
-from servogen.errors import InputError, Location, did_you_mean
+from servogen.errors import InputError, Location
 from servogen.job.chips import PairedChip
 from servogen.job.followers import Follower, at_their_leaders, followers_of, within_each_other
 from servogen.job.schema import JobTable, LegTable, ServoTable
@@ -51,13 +51,9 @@ def servos_of(
                 f"two servos have the name '{row.name}'",
                 f"the other one is servo[{by_name[row.name] + 1}]",
             )
-        if row.pin not in PINS:
-            raise document.error(
-                "unknown-pin",
-                ("servo", index, "pin"),
-                f"unknown pin '{row.pin}'",
-                did_you_mean(row.pin, PINS),
-            )
+        document.check_known(
+            "unknown-pin", ("servo", index, "pin"), row.pin, PINS, f"unknown pin '{row.pin}'"
+        )
         pin = next((number for number, chip in enumerate(chips) if row.name in chip.servos), 0), row.pin
         if pin in by_pin:
             raise document.error(
@@ -149,13 +145,9 @@ def bindings_of(
                 "the job has no robot to which the joint could belong",
                 "add [robot] name = …",
             )
-        if row.joint not in sliding:
-            raise document.error(
-                "unknown-joint",
-                key,
-                f"the robot has no joint '{row.joint}'",
-                did_you_mean(row.joint, sliding),
-            )
+        document.check_known(
+            "unknown-joint", key, row.joint, sliding, f"the robot has no joint '{row.joint}'"
+        )
         if row.joint in [binding.joint for binding in bindings]:
             first = next(binding.servo for binding in bindings if binding.joint == row.joint)
             raise document.error(
@@ -257,10 +249,7 @@ def _leg(document: Document, table: LegTable, servos: tuple[Servo, ...], followi
     by_name = {servo.name: servo for servo in servos}
     for key in ("alpha", "beta"):
         name = getattr(table, key)
-        if name not in by_name:
-            raise document.error(
-                "unknown-servo", ("leg", key), f"there is no servo '{name}'", did_you_mean(name, by_name)
-            )
+        document.check_known("unknown-servo", ("leg", key), name, by_name, f"there is no servo '{name}'")
         if name in following:
             raise document.error(
                 "joint-binding", ("leg", key), f"{name} follows another servo: name that one here"

@@ -12,7 +12,7 @@ import re
 from importlib.resources import files
 from pathlib import Path
 
-from servogen.errors import InputError, ServogenError, did_you_mean
+from servogen.errors import InputError, ServogenError, check_known
 from servogen.job.chips import part_of
 from servogen.job.plan import plan_job
 from servogen.job.reader import loads
@@ -59,10 +59,7 @@ def template(kind: str = KINDS[0]) -> str:
     The beginning of a name stands for the first that begins so: quadruped.
     """
     kind = next((each for each in KINDS if f"{each}-".startswith(f"{kind}-")), kind)
-    if kind not in KINDS:
-        raise InputError(
-            "unknown-name", f"there is no job to start from for '{kind}'", hint=did_you_mean(kind, KINDS)
-        )
+    check_known("unknown-name", kind, KINDS, f"there is no job to start from for '{kind}'")
     return (files("servogen.job") / "starters" / f"{kind}.toml").read_text(encoding="utf-8")
 
 

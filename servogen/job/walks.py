@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from servogen.errors import Diagnostic, InputError, Location, did_you_mean
+from servogen.errors import Diagnostic, InputError, Location
 from servogen.job.job import Job
 from servogen.job.schema import CommandsTable, SegmentTable, WalkTable
 from servogen.kinematics.protocol import Posture, WalkingRobot, mounts_of
@@ -220,13 +220,9 @@ def _walker(job: Job, table: WalkTable, limits: tuple[JointLimits, ...]) -> _Wal
     whole = robot
     if table.leg is not None:
         names = [mount.name for mount in mounts_of(robot)]
-        if table.leg not in names:
-            raise document.error(
-                "unknown-name",
-                ("walk", "leg"),
-                f"{robot.name} has no leg '{table.leg}'",
-                did_you_mean(table.leg, names),
-            )
+        document.check_known(
+            "unknown-name", ("walk", "leg"), table.leg, names, f"{robot.name} has no leg '{table.leg}'"
+        )
         robot = robot.with_leg(table.leg)
     gait = _gait(document, table, whole, robot)
     frames = _frames(table, job.frame.period.cycles, job.clock)

@@ -168,13 +168,8 @@ def _read(document: Document, table: HexapodTable, find: Find) -> Hexapod:
     check_unique(document, "mount", [mount.name for mount in mounts])
     parts = LEG_KINDS[leg.closed_form or ""].parts
     for part in table.leg_mass_g:
-        if part not in parts:
-            raise document.error(
-                "unknown-name",
-                ("leg_mass_g", part),
-                f"a leg of the kind '{leg.closed_form}' has no part '{part}'",
-                did_you_mean(part, parts),
-            )
+        said = f"a leg of the kind '{leg.closed_form}' has no part '{part}'"
+        document.check_known("unknown-name", ("leg_mass_g", part), part, parts, said)
     return Hexapod(
         name=table.name,
         title=table.title or (model.title if model else ""),

@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from servogen.errors import InputError, did_you_mean
+from servogen.errors import InputError, check_known
 from servogen.robot.model import Arm
 from servogen.units import counted
 
@@ -77,12 +77,7 @@ def _mobility(freedom: int, elements: int, joints: Sequence[str]) -> int:
     if elements < 1:
         raise InputError("out-of-range", f"a mechanism has at least one element, not {elements}")
     for kind in joints:
-        if kind not in JOINT_MOBILITY:
-            raise InputError(
-                "unknown-name",
-                f"unknown kind of joint '{kind}'",
-                hint=did_you_mean(kind, JOINT_MOBILITY),
-            )
+        check_known("unknown-name", kind, JOINT_MOBILITY, f"unknown kind of joint '{kind}'")
     return freedom * (elements - 1 - len(joints)) + sum(JOINT_MOBILITY[kind] for kind in joints)
 
 

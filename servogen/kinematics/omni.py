@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
-from servogen.errors import InputError, did_you_mean
+from servogen.errors import InputError, check_known, did_you_mean
 from servogen.kinematics.mobility import IN_PLANE, Mobility, manoeuvrability
 from servogen.kinematics.protocol import Answer, Directions, RobotKind, Routine, Stretch
 from servogen.kinematics.transforms import Complexes, Floats
@@ -332,12 +332,7 @@ def as_stretch(base: OmniBase, part: Translation) -> Stretch:
 
 def _check_values(routine: Routine) -> None:
     """Raise InputError for an unknown routine and one whose values are missing or do not belong to it."""
-    if routine.name not in ROUTINES:
-        raise InputError(
-            "unknown-name",
-            f"'{routine.name}' is not a routine of the omni base",
-            hint=did_you_mean(routine.name, ROUTINES),
-        )
+    check_known("unknown-name", routine.name, ROUTINES, f"'{routine.name}' is not a routine of the omni base")
     wanted = ROUTINES[routine.name]
     given = [name for name in _KEYS if getattr(routine, name) is not None]
     takes = " and ".join(_KEYS[name] for name in wanted)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from servogen.errors import InputError, did_you_mean
+from servogen.errors import check_known
 from servogen.robot.binding import Binding
 from servogen.units import Clock, Cycles
 
@@ -57,12 +57,8 @@ def bound(trajectory: JointTrajectory, bindings: Sequence[Binding]) -> JointTraj
     """
     columns = []
     for binding in bindings:
-        if binding.joint not in trajectory.joints:
-            raise InputError(
-                "unknown-joint",
-                f"the motion does not move a joint '{binding.joint}'",
-                hint=did_you_mean(binding.joint, trajectory.joints),
-            )
+        said = f"the motion does not move a joint '{binding.joint}'"
+        check_known("unknown-joint", binding.joint, trajectory.joints, said)
         column = trajectory.angles[:, trajectory.joints.index(binding.joint)]
         columns.append(binding.servo_angle(column))
     return JointTrajectory(

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, Protocol
 
-from servogen.errors import Diagnostic, InputError, did_you_mean
+from servogen.errors import Diagnostic, check_known
 
 JointKind = Literal["turning", "sliding"]
 Convention = Literal["standard", "modified"]
@@ -173,12 +173,7 @@ class Arm:
     def with_lengths(self, **lengths: float) -> Arm:
         """Return the same arm with other lengths, in metres."""
         for name in lengths:
-            if name not in self.length:
-                raise InputError(
-                    "unknown-name",
-                    f"{self.name} has no length '{name}'",
-                    hint=did_you_mean(name, self.length),
-                )
+            check_known("unknown-name", name, self.length, f"{self.name} has no length '{name}'")
         return replace(self, lengths=tuple((self.length | lengths).items()), dimensions="user")
 
     def with_tool(self, tool: FixedFrame) -> Arm:

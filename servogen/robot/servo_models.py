@@ -221,21 +221,11 @@ def _motor(document: Document, table: ModelTable) -> Motor:
     motor = table.motor or MotorTable()
     keys = [*MotorTable.model_fields, *FactKeys.model_fields]
     for index, key in enumerate(motor.assumed):
-        if key not in keys:
-            raise InputError(
-                "unknown-name",
-                f"there is no key '{key}' whose value could be assumed",
-                document.place("motor", "assumed", index),
-                did_you_mean(key, keys),
-            )
+        where, said = ("motor", "assumed", index), f"there is no key '{key}' whose value could be assumed"
+        document.check_known("unknown-name", where, key, keys, said)
     for key in table.sources or ():
-        if key not in keys:
-            raise InputError(
-                "unknown-name",
-                f"there is no figure '{key}' that could have a source",
-                document.place("sources", key),
-                did_you_mean(key, keys),
-            )
+        said = f"there is no figure '{key}' that could have a source"
+        document.check_known("unknown-name", ("sources", key), key, keys, said)
     return Motor(
         stall_a=_scaled(motor.stall_ma, 1000),
         no_load_a=_scaled(motor.no_load_ma, 1000),

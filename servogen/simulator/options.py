@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from servogen.errors import InputError, did_you_mean
+from servogen.errors import InputError, check_known
 from servogen.pic.device import DEVICES, RAM_FIRST, RAM_LAST, device
 from servogen.simulator.devices import OnPins
 from servogen.simulator.layout import RA4, ROWS
@@ -81,12 +81,7 @@ class SimulatorOptions:
                     "out-of-range", f"{name} = {getattr(self, name)} is not between {low} and {high}"
                 )
         for name, value in self.start:
-            if name not in START_VALUES:
-                raise InputError(
-                    "bad-start-value",
-                    f"there is no start value '{name}'",
-                    hint=did_you_mean(name, START_VALUES),
-                )
+            check_known("bad-start-value", name, START_VALUES, f"there is no start value '{name}'")
             if not 0 <= value <= START_VALUES[name]:
                 raise InputError(
                     "out-of-range", f"start value {name} = {value} is not between 0 and {START_VALUES[name]}"

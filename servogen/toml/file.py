@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -55,6 +55,11 @@ class Document:
     def error(self, code: str, key: Key, message: str, hint: str | None = None) -> InputError:
         """Return an error at the location of `key`."""
         return InputError(code, message, self.place(*key), hint)
+
+    def check_known(self, code: str, key: Key, word: str, known: Collection[str], message: str) -> None:
+        """Raise InputError at the location of `key` for a word that is not known."""
+        if word not in known:
+            raise self.error(code, key, message, did_you_mean(word, known))
 
 
 def load(path: str | Path, model: type[Model]) -> tuple[Document, Model]:

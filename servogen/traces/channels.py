@@ -12,7 +12,7 @@ from fractions import Fraction
 from typing import TypeVar
 
 from servogen.edges import PAIR_NAMES, PINS
-from servogen.errors import InputError, Location, did_you_mean
+from servogen.errors import InputError, Location, check_known, did_you_mean
 from servogen.units import OSCILLATOR_PERIODS_PER_CYCLE, Clock
 
 Key = TypeVar("Key")
@@ -74,10 +74,8 @@ def _as_chosen(
     keys = dict(wires)
     named = []
     for name, pin in chosen.items():
-        if pin not in PINS:
-            raise InputError("unknown-pin", f"'{pin}' is not a pin", place, did_you_mean(pin, PINS))
-        if name not in keys:
-            raise InputError("bad-wiring", f"has no 1-bit wire '{name}'", place, did_you_mean(name, keys))
+        check_known("unknown-pin", pin, PINS, f"'{pin}' is not a pin", place)
+        check_known("bad-wiring", name, keys, f"has no 1-bit wire '{name}'", place)
         named.append((name, keys[name], PINS.index(pin)))
     return named
 

@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from servogen.errors import InputError, did_you_mean
+from servogen.errors import InputError, check_known
 from servogen.job import Job
 from servogen.robot.binding import Binding
 from servogen.robot.model import Robot
@@ -62,8 +62,7 @@ def twin_rig(job: Job, broken: Sequence[str] = ()) -> TwinRig:
         )
     names = [servo.name for servo in job.servos]
     for name in broken:
-        if name not in names:
-            raise InputError("unknown-servo", f"there is no servo '{name}'", hint=did_you_mean(name, names))
+        check_known("unknown-servo", name, names, f"there is no servo '{name}'")
     bindings = job.bindings
     if job.wheels:
         bindings = tuple(Binding(f"wheel{number}", name) for number, name in enumerate(job.wheels, 1))
@@ -96,8 +95,7 @@ def unplugged_servos(rig: TwinRig, names: Sequence[str]) -> frozenset[int]:
     """Return the numbers of servos whose signal wire is off. Raises InputError for an unknown name."""
     known = [servo.name for servo in rig.servos]
     for name in names:
-        if name not in known:
-            raise InputError("unknown-servo", f"there is no servo '{name}'", hint=did_you_mean(name, known))
+        check_known("unknown-servo", name, known, f"there is no servo '{name}'")
     return frozenset(known.index(name) for name in names)
 
 

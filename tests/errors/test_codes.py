@@ -22,7 +22,7 @@ ERRORS = frozenset(
 )
 """Exceptions whose first argument is a code."""
 REPORTS = {
-    **dict.fromkeys(("error", "_error", "warn", "fatal", "fail"), 0),
+    **dict.fromkeys(("error", "_error", "warn", "fatal", "fail", "check_known"), 0),
     **dict.fromkeys(("report", "remark"), 1),
     "_say": 3,
 }

@@ -4,7 +4,15 @@ import pickle
 
 import pytest
 
-from servogen.errors import Diagnostic, InputError, Location, ServogenError, ToolError, did_you_mean
+from servogen.errors import (
+    Diagnostic,
+    InputError,
+    Location,
+    ServogenError,
+    ToolError,
+    check_known,
+    did_you_mean,
+)
 
 
 @pytest.mark.parametrize(
@@ -109,3 +117,12 @@ def test_a_sentence_has_place_and_message_and_json_everything() -> None:
     assert placed.to_json() == facts | place
     facts = {"severity": "note", "code": "n-n", "message": "so", "hint": None}
     assert bare.to_json() == facts | dict.fromkeys(place)
+
+
+def test_a_word_that_is_not_known_is_refused_with_the_nearest_one_and_its_place() -> None:
+    check_known("unknown-pin", "RB0", ("RB0", "RB1"), "never said")
+    with pytest.raises(InputError) as caught:
+        check_known("unknown-pin", "RBO", ("RB0", "RA4"), "no pin 'RBO'", Location("job.toml", 3))
+    (error,) = caught.value.diagnostics
+    assert (error.code, error.message, error.hint) == ("unknown-pin", "no pin 'RBO'", "did you mean 'RB0'?")
+    assert error.location == Location("job.toml", 3)

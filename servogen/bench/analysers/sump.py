@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from servogen.edges import OTHER_PINS, PAIR_NAMES, PIN_NAMES
-from servogen.errors import InputError, did_you_mean
+from servogen.errors import InputError, check_known, did_you_mean
 from servogen.inputs import count_in
 
 BASE_HZ = 100_000_000
@@ -209,8 +209,7 @@ def wires(texts: Iterable[str], pair: bool = False) -> Mapping[int, int]:
                 f"'{text}' is not a channel",
                 hint=f"such as 0=RB0; channels are 0 to {channels - 1}",
             )
-        if name not in names:
-            raise InputError("unknown-pin", f"'{text}' is not a pin", hint=did_you_mean(name, names))
+        check_known("unknown-pin", name, names, f"'{text}' is not a pin")
         if channel in wired or names[name] in wired.values():
             raise InputError("bad-wiring", f"'{text}': channel or pin is wired twice")
         wired[channel] = names[name]

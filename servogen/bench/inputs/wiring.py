@@ -16,7 +16,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from servogen.edges import PINS
-from servogen.errors import InputError, did_you_mean
+from servogen.errors import InputError, check_known
 
 MARK_CHANNEL = 13
 """The analyser's channel on which the board says when a run begins; 0 to 12 are the chip's pins."""
@@ -98,10 +98,7 @@ def input_wiring(texts: Iterable[str] = ()) -> InputWiring:
 
 def _name(text: str) -> str:
     name = text.upper()
-    if name not in (*PINS, *SPECIAL):
-        raise InputError(
-            "unknown-pin", f"the chip has no '{text}'", hint=did_you_mean(name, (*PINS, *SPECIAL))
-        )
+    check_known("unknown-pin", name, (*PINS, *SPECIAL), f"the chip has no '{text}'")
     return name
 
 

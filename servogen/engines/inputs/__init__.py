@@ -13,7 +13,6 @@ from typing import Annotated, ClassVar, Protocol, TypeVar
 from pydantic import Field
 
 from servogen.edges import PINS
-from servogen.errors import did_you_mean
 from servogen.robot.servo import Servo
 from servogen.toml.file import Document, Table
 from servogen.toml.locations import Key
@@ -55,7 +54,6 @@ def given(inputs: Iterable[EngineInput], kind: type[Input]) -> Input | None:
 
 def check_free(document: Document, key: Key, pin: str, used_pins: Mapping[str, str], hint: str) -> None:
     """Raise InputError if there is no such pin, or `used_pins`, users by pin, has one for it."""
-    if pin not in PINS:
-        raise document.error("unknown-pin", key, f"unknown pin '{pin}'", did_you_mean(pin, PINS))
+    document.check_known("unknown-pin", key, pin, PINS, f"unknown pin '{pin}'")
     if pin in used_pins:
         raise document.error("pin-in-use", key, f"{pin} is in use: {used_pins[pin]}", hint)

@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from servogen.errors import InputError, did_you_mean
+from servogen.errors import InputError, check_known
 from servogen.kinematics import catalogue
 from servogen.kinematics.forward import BLOCK, fk, whole_chain
 from servogen.kinematics.inverse import numerical
@@ -60,8 +60,7 @@ def _closed_form(arm: Arm, oriented: bool) -> ClosedForm | None:
     form = arm.closed_form
     if form is None:
         return meeting_axes_branches if oriented and meeting_axes(arm) else None
-    if form not in CLOSED_FORMS:
-        raise InputError("unknown-name", f"no closed form '{form}'", hint=did_you_mean(form, CLOSED_FORMS))
+    check_known("unknown-name", form, CLOSED_FORMS, f"no closed form '{form}'")
     owner = catalogue.arm(form)
     if (arm.rows, arm.convention) != (owner.rows, owner.convention):
         raise InputError(

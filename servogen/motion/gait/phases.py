@@ -19,7 +19,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from servogen.errors import InputError, did_you_mean
+from servogen.errors import InputError, check_known, did_you_mean
 from servogen.kinematics.protocol import WalkingRobot, mounts_of
 from servogen.units import counted
 
@@ -165,8 +165,7 @@ def custom(
             )
         lifts = dict(zip(legs, lifts, strict=True))
     for leg in lifts:
-        if leg not in legs:
-            raise InputError("unknown-name", f"{robot.name} has no leg '{leg}'", hint=did_you_mean(leg, legs))
+        check_known("unknown-name", leg, legs, f"{robot.name} has no leg '{leg}'")
     for leg in legs:
         if leg not in lifts:
             raise InputError("missing-key", f"the phase of the leg {leg} is missing")

@@ -11,7 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from servogen.errors import Diagnostic, InputError, Location, SourceLines, did_you_mean
+from servogen.errors import Diagnostic, InputError, Location, SourceLines, check_known
 from servogen.inputs import read_input
 from servogen.pic.assembler.blocks import EndOfSource, ExitMacro, OutOfBudget, Placed, TooManyErrors
 from servogen.pic.assembler.control import CONTROL
@@ -102,10 +102,7 @@ def link(
         _report_twins(modules)
     _refuse(modules)
     for name in memory.at:
-        if name not in opened:
-            raise InputError(
-                "asm-section", f"no source opens section '{name}'", hint=did_you_mean(name, opened)
-            )
+        check_known("asm-section", name, opened, f"no source opens section '{name}'")
     return _assembly(modules, words)
 
 
