@@ -7,7 +7,7 @@ the fault. Only the form is checked; whether a pass preserves the meaning is tes
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 
 from servogen.compiler.ast.nodes import AddressByte
 from servogen.compiler.ir.function import Block, Function
@@ -38,10 +38,10 @@ def faults(function: Function) -> Iterator[str]:
                 yield f"{ins} stands twice as the same object"
             seen.add(id(ins))
             yield from _operand_faults(ins)
-        yield from _flow_faults(function, number, block, set(labels))
+        yield from _flow_faults(function, number, block, labels)
 
 
-def _flow_faults(function: Function, number: int, block: Block, labels: set[str]) -> Iterator[str]:
+def _flow_faults(function: Function, number: int, block: Block, labels: Container[str]) -> Iterator[str]:
     """Yield the faults of a block among its neighbours."""
     skipped = number > 0 and function.blocks[number - 1].skips
     last_block = number == len(function.blocks) - 1

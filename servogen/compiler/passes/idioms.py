@@ -122,13 +122,13 @@ def _parsed(text: str) -> Instruction:
 
 
 @cache
-def _idioms() -> dict[str, list[Idiom]]:
-    """Return the rows by their first operation, those that save most first."""
+def _idioms() -> dict[tuple[str, str], list[Idiom]]:
+    """Return the rows by their first two operations, those that save most first."""
     rows = sorted(map(Idiom.parse, IDIOMS.strip().splitlines()), key=lambda row: len(row.new) - len(row.old))
-    by_first: dict[str, list[Idiom]] = {}
+    by_begin: dict[tuple[str, str], list[Idiom]] = {}
     for row in rows:
-        by_first.setdefault(row.old[0].op, []).append(row)
-    return by_first
+        by_begin.setdefault((row.old[0].op, row.old[1].op), []).append(row)
+    return by_begin
 
 
 @dataclass(slots=True)
@@ -202,10 +202,12 @@ def _replacement(
 
     A row has no label, does not end with a skip, and others cannot see what it changes.
     """
-    first = lines[index]
-    if not isinstance(first, Instruction):
-        return None
-    for row in _idioms().get(first.op, ()):
+    match lines[index : index + 2]:
+        case [Instruction() as first, Instruction(op=second)]:
+            rows = _idioms().get((first.op, second), ())
+        case _:
+            return None
+    for row in rows:
         old = lines[index : index + len(row.old)]
         meaning = _Meaning({})
         if len(old) < len(row.old) or not meaning.fits(row.old, old):
