@@ -105,7 +105,7 @@ class Checker:
         self._memory = chip.memory_of(
             image, certificate.cuts, any_eeprom, plan.tape.content if plan.tape else b"\0"
         )
-        self._board = layout.ChipSurroundings(
+        self.board = layout.ChipSurroundings(
             limit=MAX_PERIODS * plan.period,
             period=plan.period,
             channels=plan.channels,
@@ -120,38 +120,38 @@ class Checker:
         if plan.tape:
             low, high = (ceil(us / Clock(plan.clock_hz).cycle_us) for us in (TLOW_US, THIGH_US))
             pins, size, content = plan.tape
-            self._board = self._board._replace(
+            self.board = self.board._replace(
                 bus=pins, size=size, recorded=len(content), low_time=low, high_time=high
             )
         self._following, self._sampled = cache(self._after), cache(self._sample)
-        self._due = cache(lambda frame, place: plan.run_of(PlanPosition(frame, self._places[place].memory)))
+        self._due = cache(lambda frame, place: plan.run_of(PlanPosition(frame, self.places[place].memory)))
         self._edge = cache(lambda due, time: bisect_left(plan.edges[due][0], time))
         self._followed: set[bytes] = set()
-        self._places: list[Place] = []
+        self.places: list[Place] = []
         self._numbers: dict[Place, int] = {}
         self._listed: list[tuple[Ints, dict[bytes | None, int]]] = []
-        self._states = self._started(self._known(certificate))
+        self.states = self.started(self.known(certificate))
         self._frames = self._cycles = self._run = self._runs = self._forks = 0
         self._silence: int | None = None
 
     def check(self) -> Checked:
         """Run from power-up and from each listed state. Raises Refused."""
-        self._follow(self._power_up())
-        order = np.argsort(self._states[:, DUE], kind="stable")  # those of one frame go the same way
-        changes = np.flatnonzero(np.diff(self._states[order, DUE])) + 1
+        self._follow(self.power_up())
+        order = np.argsort(self.states[:, DUE], kind="stable")  # those of one frame go the same way
+        changes = np.flatnonzero(np.diff(self.states[order, DUE])) + 1
         for group in np.split(order, changes):
             for first in range(0, len(group), ROWS):
-                self._follow(self._states[group[first : first + ROWS]])
+                self._follow(self.states[group[first : first + ROWS]])
         counts = len(order), self._frames, self._cycles, self._forks
         return Checked(*counts, self._over(), silence=self._silence)
 
     def _over(self) -> tuple[str, ...]:
         """Return what all runs together are about."""
-        but = " that is not held" if self._board.held else ""
+        but = " that is not held" if self.board.held else ""
         over = ["every value of RAM and registers after a reset in any cycle"]
         over += [f"every level of every input{but} in every cycle"]
         over += [f"every watchdog that is not faster than {WATCHDOG_US // 1000} ms"] * bool(
-            self._board.watchdog
+            self.board.watchdog
         )
         over += [f"every EEPROM write of at most {self._plan.write_us // 1000} ms"] * bool(self.writes)
         over += ["every content of the EEPROM"] * (self._any_eeprom or not self.reads)
@@ -172,7 +172,7 @@ class Checker:
         """Return whether a run has written to the EEPROM."""
         return bool(self._memory.eeprom[layout.EEPROM_WRITTEN])
 
-    def _known(self, certificate: Certificate) -> Ints:
+    def known(self, certificate: Certificate) -> Ints:
         """Return the listed states with their places numbered, once they can be found. Raises Refused."""
         rows, parts = np.pad(certificate.states, ((0, 0), (0, COLUMNS - WIDTH))), self._plan.parts
         over, awaits = rows[:, FRAME_NUMBER] == OVER.frame, rows[:, FRAME_NUMBER] == AWAITED
@@ -186,8 +186,8 @@ class Checker:
             raise Refused("the schedule has fewer frames than the listed states")
         if self._plan.tape:
             self._read_from(rows, self._plan.tape.content)
-        numbers = np.array([*map(self._number, certificate.places), 0])
-        rows[:, PLACE] = np.where(over, self._number(Place(OVER.memory)), numbers[rows[:, PLACE]])
+        numbers = np.array([*map(self.number, certificate.places), 0])
+        rows[:, PLACE] = np.where(over, self.number(Place(OVER.memory)), numbers[rows[:, PLACE]])
         rows[:, layout.STAGE] = np.select([over, awaits], [layout.OVER, layout.AWAITS], layout.RUNS)
         rows[over, layout.TIME] = 0
         rows[:, layout.CHOSEN] = layout.UNKNOWN
@@ -203,7 +203,7 @@ class Checker:
                 key=lambda number: int(rows[number, layout.WRITE_LEFT])
             )  # of equals, the widest one
             shape = np.frombuffer(text, dtype=np.int32)
-            self._listed.append((shape, dict(zip(_keys(rows[numbers_of], shape), numbers_of, strict=True))))
+            self._listed.append((shape, dict(zip(keys_of(rows[numbers_of], shape), numbers_of, strict=True))))
         return rows
 
     @staticmethod
@@ -220,7 +220,7 @@ class Checker:
             [clock, byte, address + 1, low], axis=1
         )
 
-    def _started(self, rows: Ints) -> Ints:
+    def started(self, rows: Ints) -> Ints:
         """Return listed states as those of a chip that runs on from there."""
         rows = rows.copy()
         # TMR0 counts the edges of RA4, which may have any level at any time.
@@ -230,20 +230,20 @@ class Checker:
             row[layout.EDGE] = self._edge(*row[[DUE, layout.TIME]].tolist())
         return rows
 
-    def _power_up(self) -> Ints:
+    def power_up(self) -> Ints:
         s = chip.after_reset(layout.BEFORE, COLUMNS)
         frame, memory = self._plan.start
-        s[[FRAME_NUMBER, PLACE, ORIGIN]] = frame, self._number(Place(memory)), -1
+        s[[FRAME_NUMBER, PLACE, ORIGIN]] = frame, self.number(Place(memory)), -1
         s[DUE] = self._plan.run_of(self._plan.start)
         if self._plan.tape:
             s[[layout.TAKES, layout.POINTER]] = layout.ANYTHING, -1
         return s[None]
 
-    def _number(self, place: Place) -> int:
+    def number(self, place: Place) -> int:
         """Return the number of a place."""
         if place not in self._numbers:
-            self._numbers[place] = len(self._places)
-            self._places.append(place)
+            self._numbers[place] = len(self.places)
+            self.places.append(place)
         return self._numbers[place]
 
     def _follow(self, states: Ints) -> None:
@@ -255,7 +255,7 @@ class Checker:
                 if why == layout.NEW_FRAME:
                     stopped.append(self._next_frame(rows))
                 elif why == layout.LAST_EDGE or (
-                    why == layout.TOO_LONG and rows[0, layout.CYCLE] < self._board.limit
+                    why == layout.TOO_LONG and rows[0, layout.CYCLE] < self.board.limit
                 ):
                     stopped.append(rows)
                 elif why == layout.BUTTON and self._plan.wire:
@@ -268,18 +268,18 @@ class Checker:
                     arrived.append(rows)
                 else:
                     reason, outside = layout.REASONS[why], why in OUTSIDE
-                    raise NotCovered(reason, _place_of(rows[0])) if outside else _refused(rows[0], reason)
+                    raise NotCovered(reason, place_of(rows[0])) if outside else _refused(rows[0], reason)
                 if self._run > MAX_CYCLES or self._runs > MAX_RUNS or sum(map(len, stopped)) > MAX_ROWS:
-                    raise NotCovered("more cycles, or ways, than are allowed", _place_of(rows[0]))
+                    raise NotCovered("more cycles, or ways, than are allowed", place_of(rows[0]))
             if arrived:  # before the other ways are followed: of forged states the first one ends the work
-                self._compare(np.concatenate(arrived))
+                self.compare(np.concatenate(arrived))
             states = np.concatenate([states, *stopped])
 
     def _run_first(self, states: Ints) -> tuple[Ints, int, Ints]:
         """Run the first state and all that go the same way; return them, why they stopped, and the others."""
         s, used = states[0].copy(), np.zeros(COLUMNS, dtype=np.int64)
         edge_at, edge_out = self._plan.edges[s[DUE]]
-        board = self._board if s[layout.CYCLE] >= PAUSE else self._board._replace(limit=PAUSE)
+        board = self.board if s[layout.CYCLE] >= PAUSE else self.board._replace(limit=PAUSE)
         why = chip.run(s, used, edge_at, edge_out, self._memory, board)
         # The run has read nothing else, so all states that agree in these go the same way.
         decide = np.flatnonzero(ALWAYS | (used & layout.READ != 0))
@@ -312,12 +312,12 @@ class Checker:
 
     def _after(self, frame: int, number: int) -> tuple[int, int, int] | None:
         """Return what follows frame and place: both and the run of frames; None if an input was not read."""
-        place, inputs = self._places[number], self._plan.inputs
+        place, inputs = self.places[number], self._plan.inputs
         if self._plan.buttons & ~place.sampled:
             return None
         memory = place.memory if inputs.at_once else inputs.hear(place.memory, place.levels)
         position = self._plan.following(frame, memory)
-        return position.frame, self._number(Place(position.memory)), self._plan.run_of(position)
+        return position.frame, self.number(Place(position.memory)), self._plan.run_of(position)
 
     def _both(self, rows: Ints, why: int) -> list[Ints]:
         """Return the rows with the bit in question 0, and with it 1. Raises Refused if it is read again."""
@@ -348,7 +348,7 @@ class Checker:
 
     def _read(self, row: Ints, wire: WireReads, level: int) -> None:
         """Let a chip read the wire at a level. Raises Refused."""
-        memory, stage, time = self._places[row[PLACE]].memory, row[layout.STAGE], int(row[layout.TIME])
+        memory, stage, time = self.places[row[PLACE]].memory, row[layout.STAGE], int(row[layout.TIME])
         if stage == layout.OVER:
             return
         if stage == layout.BEFORE:  # so far since power-up
@@ -363,7 +363,7 @@ class Checker:
         if found is None:
             return
         sampled = (found.memory[4] == len(LEVELS) and not wire.early) << wire.pin
-        row[PLACE] = self._number(Place(found.memory, 0, sampled))
+        row[PLACE] = self.number(Place(found.memory, 0, sampled))
         if found.restarts:
             row[[layout.STAGE, layout.TIME, layout.EDGE, FRAME_NUMBER]] = layout.AWAITS, 0, 0, AWAITED
             row[DUE] = self._plan.run_of(OVER)
@@ -382,7 +382,7 @@ class Checker:
         """
         rows = np.unique(rows, axis=0)
         states = rows.copy()
-        states[:, [*SAYS_NOTHING, *[layout.AGE] * (not self._board.watchdog)]] = 0
+        states[:, [*SAYS_NOTHING, *[layout.AGE] * (not self.board.watchdog)]] = 0
         new = np.ones(len(rows), dtype=bool)
         # The ways of the frames end at cuts, or because they are compared; those that await a wire may turn.
         waits = [layout.BEFORE, layout.RUNS] if why == layout.BUTTON else [layout.BEFORE]
@@ -412,29 +412,29 @@ class Checker:
             if row[layout.STAGE] == layout.AWAITS:
                 raise _refused(row, "SLEEP while the wire is awaited")
             if row[layout.STAGE] == layout.BEFORE:
-                if not self._board.watchdog:
+                if not self.board.watchdog:
                     raise _refused(row, "SLEEP before the first pulse, and nothing has to end it")
             elif row[layout.STAGE] == layout.RUNS:
                 made = row[layout.EDGE] == len(self._plan.edges[row[DUE]][0])
                 if not made or not self._plan.silent_after(int(row[FRAME_NUMBER])):
                     raise _refused(row, "SLEEP while pulses are due")
                 row[[layout.STAGE, layout.TIME, FRAME_NUMBER, layout.EDGE]] = layout.OVER, 0, OVER.frame, 0
-                row[PLACE], row[DUE] = self._number(Place(OVER.memory)), self._plan.run_of(OVER)
+                row[PLACE], row[DUE] = self.number(Place(OVER.memory)), self._plan.run_of(OVER)
 
     def _sample(self, number: int, pin: int, level: int) -> int:
         """Return the number of the place once a pin was read; -1 if it was read before in this frame."""
-        place = self._plan.sample(self._places[number], pin, level)
-        return self._number(place) if place else -1
+        place = self._plan.sample(self.places[number], pin, level)
+        return self.number(place) if place else -1
 
-    def _compare(self, rows: Ints) -> None:
+    def compare(self, rows: Ints) -> None:
         """Raise Refused for a row that is within no listed state."""
         missing = np.ones(len(rows), dtype=bool)
         for shape, listed in self._listed:
-            numbers = np.array([listed.get(key, -1) if key else -1 for key in _keys(rows, shape)])
+            numbers = np.array([listed.get(key, -1) if key else -1 for key in keys_of(rows, shape)])
             # A write that is over earlier is over in as many ways, or fewer; a watchdog that was cleared
             # later times out later.
-            ages = [layout.WRITE_LEFT, *[layout.AGE] * bool(self._board.watchdog)]
-            later = (rows[:, ages] <= self._states[numbers][:, ages]).all(axis=1)
+            ages = [layout.WRITE_LEFT, *[layout.AGE] * bool(self.board.watchdog)]
+            later = (rows[:, ages] <= self.states[numbers][:, ages]).all(axis=1)
             missing &= (numbers < 0) | ~later
         for row in rows[missing]:
             raise _refused(row, "the state is within no listed one")
@@ -442,10 +442,10 @@ class Checker:
 
 def _refused(row: Ints, reason: str) -> Refused:
     """Return what is wrong, and where."""
-    return Refused(f"{_place_of(row)}: {reason}")
+    return Refused(f"{place_of(row)}: {reason}")
 
 
-def _place_of(row: Ints) -> str:
+def place_of(row: Ints) -> str:
     """Return where a chip is: cycle, state, address, frame, pins."""
     frame = f"frame {row[FRAME_NUMBER]}, cycle {row[layout.TIME]}"
     if row[layout.STAGE] != layout.RUNS:
@@ -468,7 +468,7 @@ def _bits(word: int) -> list[int]:
     return [1 << bit for bit in range(word.bit_length()) if word >> bit & 1]
 
 
-def _keys(rows: Ints, shape: Ints) -> list[bytes | None]:
+def keys_of(rows: Ints, shape: Ints) -> list[bytes | None]:
     """Return the keys of the listed states that contain each of `rows`, among those whose unknown bits, and
     bytes that move with φ, are as in `shape`; None for a row that none can contain.
 

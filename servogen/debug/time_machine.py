@@ -134,8 +134,8 @@ class TimeMachine:
         """The repetition that was found last, or one that another machine found without inputs."""
         self._inputs: list[_Input] = []
         self._applied = 0
-        self._kept: dict[int, _Kept] = {}
-        self._at: list[int] = []
+        self._snapshots: dict[int, _Kept] = {}
+        self.kept: list[int] = []
         self.reach = Cycles(0)
         """The latest moment that was reached since the last input."""
         self._keep()
@@ -161,17 +161,17 @@ class TimeMachine:
 
     @property
     def snapshots(self) -> int:
-        return len(self._at)
+        return len(self.kept)
 
     def apply(self, changes: Sequence[LevelChange]) -> None:
         """Apply changes from outside, none of them before the current moment, whose old future is dropped."""
         self.machine.apply(changes)
-        self._changed(_Input(self.now, tuple(changes)), bisect_right(self._at, self.now))
+        self._changed(_Input(self.now, tuple(changes)), bisect_right(self.kept, self.now))
 
     def poke(self, address: int | None, value: int) -> None:
         """Set a byte of RAM, or W where there is no address, now; the old future is dropped."""
         self.machine.poke(address, value)
-        self._changed(_Input(self.now, bytes=((address, value),)), bisect_left(self._at, self.now))
+        self._changed(_Input(self.now, bytes=((address, value),)), bisect_left(self.kept, self.now))
         self._keep()
 
     def _changed(self, given: _Input, kept: int) -> None:
@@ -180,9 +180,9 @@ class TimeMachine:
         del self._inputs[self._applied :]
         self._inputs.append(given)
         self._applied += 1
-        for cycle in self._at[kept:]:
-            del self._kept[cycle]
-        del self._at[kept:]
+        for cycle in self.kept[kept:]:
+            del self._snapshots[cycle]
+        del self.kept[kept:]
         if self.repetition is not None and self.repetition.begin + self.repetition.length > now:
             self.repetition = None
         self.reach = now
@@ -333,10 +333,10 @@ class TimeMachine:
 
     def _next_snapshot(self, end: int) -> int:
         spacing = self._distance(end)
-        place = bisect_right(self._at, self.now)
-        due = self._at[place - 1] + spacing
-        while place < len(self._at) and self._at[place] < due + spacing // 2:
-            due = self._at[place] + spacing
+        place = bisect_right(self.kept, self.now)
+        due = self.kept[place - 1] + spacing
+        while place < len(self.kept) and self.kept[place] < due + spacing // 2:
+            due = self.kept[place] + spacing
             place += 1
         return max(due, self.now + 1)
 
@@ -349,17 +349,17 @@ class TimeMachine:
                 self.machine.poke(address, value)
             self._applied += 1
         self.reach = max(self.reach, self.now)
-        place = bisect_right(self._at, self.now)
-        if self.now - self._at[place - 1] >= self._distance(end):
+        place = bisect_right(self.kept, self.now)
+        if self.now - self.kept[place - 1] >= self._distance(end):
             self._keep()
 
     def _keep(self) -> None:
         now = int(self.now)
-        if now in self._kept:
+        if now in self._snapshots:
             return
-        self._kept[now] = _Kept(self.machine.snapshot(), self._applied, self.machine.edges_made)
-        insort(self._at, now)
-        if len(self._at) > MAX_SNAPSHOTS:
+        self._snapshots[now] = _Kept(self.machine.snapshot(), self._applied, self.machine.edges_made)
+        insort(self.kept, now)
+        if len(self.kept) > MAX_SNAPSHOTS:
             self._thin(now)
 
     def _thin(self, now: int) -> None:
@@ -367,27 +367,27 @@ class TimeMachine:
         many, halve the time for which a snapshot is recent.
         """
         limit = MAX_SNAPSHOTS * 3 // 4
-        while sum(abs(cycle - now) <= self._recent for cycle in self._at) >= limit:  # the first one is kept
+        while sum(abs(cycle - now) <= self._recent for cycle in self.kept) >= limit:  # the first one is kept
             self._recent = Cycles(self._recent // 2)
-        while len(self._at) > limit:
+        while len(self.kept) > limit:
             self._coarse *= 2
             last = -self._coarse
-            for cycle in list(self._at):
+            for cycle in list(self.kept):
                 if abs(cycle - now) > self._recent and cycle - last < self._coarse:
-                    del self._kept[cycle]
+                    del self._snapshots[cycle]
                 else:
                     last = cycle
-            self._at = [cycle for cycle in self._at if cycle in self._kept]
+            self.kept = [cycle for cycle in self.kept if cycle in self._snapshots]
 
     def _restore(self, place: int) -> None:
-        snapshot = self._kept[self._at[place]]
+        snapshot = self._snapshots[self.kept[place]]
         self.machine.restore(snapshot.snapshot)
         self._applied = snapshot.inputs
 
     def _restore_before(self, cycle: int) -> None:
         """Restore the latest snapshot that is not after `cycle`, unless the way from here is shorter."""
-        place = bisect_right(self._at, cycle) - 1
-        if self.now > cycle or self._at[place] > self.now:
+        place = bisect_right(self.kept, cycle) - 1
+        if self.now > cycle or self.kept[place] > self.now:
             self._restore(place)
 
     def _nearing(self, cycle: int) -> Iterator[None]:
@@ -474,10 +474,10 @@ class TimeMachine:
     def _rows_before(self, end: int) -> Iterator[Rows]:
         """Yield the instructions before `end`, from one snapshot to the next, the latest ones first."""
         while end > 0:
-            if end - self._at[bisect_left(self._at, end) - 1] > 2 * self._spacing:
+            if end - self.kept[bisect_left(self.kept, end) - 1] > 2 * self._spacing:
                 self.seek(end - self._spacing)
-            place = bisect_left(self._at, end) - 1
-            begin = self._at[place]
+            place = bisect_left(self.kept, end) - 1
+            begin = self.kept[place]
             self._restore(place)
             yield self._observed(end, end - begin + 1)
             end = begin
@@ -530,12 +530,12 @@ class TimeMachine:
         here, end = int(self.now), int(self.now)
         before = self.machine.edges_made
         while end > 0:
-            if end - self._at[bisect_left(self._at, end) - 1] > FAR * self._coarse:
+            if end - self.kept[bisect_left(self.kept, end) - 1] > FAR * self._coarse:
                 self.seek(end - self._stride)  # a past that was not run
-            place = bisect_left(self._at, end) - 1
-            while place > 0 and self._kept[self._at[place]].edges >= before:
+            place = bisect_left(self.kept, end) - 1
+            while place > 0 and self._snapshots[self.kept[place]].edges >= before:
                 place -= 1  # nothing changed since
-            begin = self._at[place]
+            begin = self.kept[place]
             self._restore(place)
             seen: list[EdgeChunk] = []
             self.run(end, edges=seen)
@@ -544,7 +544,7 @@ class TimeMachine:
                 self.seek(cycle + 1)
                 if self.now < here:
                     return True
-            end, before = begin, self._kept[begin].edges
+            end, before = begin, self._snapshots[begin].edges
         self.seek(here)
         return False
 

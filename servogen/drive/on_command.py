@@ -99,11 +99,11 @@ class Twin:
         assert job.commands is not None
         self._read = job.commands
         schedule, firmware, self._playing = _playing(job)
-        self._stimulus = _stimulus_of(job, self._read, int(schedule.period))
-        self._chip = VirtualChip(
-            firmware.compilation.image, job.clock, board_of(schedule), stimulus=self._stimulus
+        self.stimulus = _stimulus_of(job, self._read, int(schedule.period))
+        self.chip = VirtualChip(
+            firmware.compilation.image, job.clock, board_of(schedule), stimulus=self.stimulus
         )
-        self._chip.listeners.append(self._heard)
+        self.chip.listeners.append(self._heard)
         self._period = int(schedule.period)
         self._clock = job.clock
         self._pins = {PINS.index(channel.pin): channel.name for channel in schedule.channels}
@@ -124,31 +124,31 @@ class Twin:
     @property
     def seconds(self) -> float:
         """Return the time since power-up."""
-        return float(self._clock.seconds(self._chip.now))
+        return float(self._clock.seconds(self.chip.now))
 
     def command(self, command: str) -> bytes:
         """Give a command to the chip and return the bytes put on its line; none if it has buttons."""
         direction = None if command == STOP else command
-        if isinstance(self._stimulus, HeldButtons):
+        if isinstance(self.stimulus, HeldButtons):
             if isinstance(self._read, CommandButton):
                 if direction or self._walks:
                     # One frame more than a press needs, in case it begins after the button was read in its
                     # frame.
-                    self._stimulus.presses.extend([NEXT] * (PRESSED_FRAMES + 1) + [""] * RELEASED_FRAMES)
+                    self.stimulus.presses.extend([NEXT] * (PRESSED_FRAMES + 1) + [""] * RELEASED_FRAMES)
                     self._walks = not self._walks
             else:
-                self._stimulus.held = direction or ""
+                self.stimulus.held = direction or ""
             return b""
         assert isinstance(self._read, CommandLine)
         code = bytes([uart_byte(direction, self._read.codes)] * REPEATS)
-        self._stimulus.waiting.extend(code)
+        self.stimulus.waiting.extend(code)
         return code
 
     def frame(self) -> CommandedFrame:
         """Run the chip for one frame and return its state at the end."""
-        self._chip.run(self._period)
+        self.chip.run(self._period)
         self._frames += 1
-        direction, part = self._playing.now(self._chip.machine.state().ram)
+        direction, part = self._playing.now(self.chip.machine.state().ram)
         return CommandedFrame(
             seconds=self.seconds,
             frame=self._frames,

@@ -30,7 +30,7 @@ from servogen.twin.bodies import FOOT_RADIUS_M
 from servogen.twin.pictures import lines_through
 from servogen.twin.pulses import PulseReceiver, ReceivedPulse
 from servogen.twin.run import TwinSettings, standing
-from servogen.twin.world import WorldSnapshot, mujoco
+from servogen.twin.world import World, WorldSnapshot, mujoco
 from servogen.units import Clock
 
 Floats = npt.NDArray[np.float64]
@@ -68,41 +68,24 @@ class Moment:
     force: Floats
 
 
-class LiveTwin:
-    """A robot in its world that follows a chip; `edges` gives what the pins did from one cycle to another."""
+class FollowedWorld:
+    """A world that follows a chip's edges to any moment, by snapshots of what led there.
 
-    def __init__(
-        self,
-        job: PlannedJob,
-        clock: Clock,
-        edges: Callable[[int, int], EdgeChunk],
-        settings: TwinSettings = TwinSettings(),  # noqa: B008 - frozen
-        shown: int = 0,
-    ) -> None:
-        """Begin at power-up; of two chips `shown` is the one whose pins come first.
+    `edges` gives what the pins did from one cycle to another.
+    """
 
-        Raises InputError, and ToolError where MuJoCo is missing.
-        """
-        self.rig, self._bodies, self._world = standing(job, settings)
-        self.settings = settings = settings.following(self.rig)
-        self._edges = edges
-        self._receiver = PulseReceiver(self.rig.pins(job, shown), clock, settings.step_s)
+    def __init__(self, world: World, receiver: PulseReceiver, edges: Callable[[int, int], EdgeChunk]) -> None:
+        self.world, self._receiver, self._edges = world, receiver, edges
         self._waiting: list[ReceivedPulse] = []
-        model = self._world.model
-        self._shown = mujoco().MjData(model)
-        self.legs = [limb.name for limb in self.rig.robot.limbs if limb.mount is not None]
-        self._sites = [model.site(f"{name}_foot").id for name in self.legs]
-        self._tool = next((at for at in range(model.nsite) if model.site(at).name == "tool"), None)
-        self._names = [model.body(index).name for index in range(1, model.nbody)]
-        self.floating = bool(model.njnt) and model.joint(0).name == "body"
         self._coarse = SPACING
-        self._kept: dict[int, _Kept] = {}
-        self._at: list[int] = []
+        self._snapshots: dict[int, _Kept] = {}
+        self.kept: list[int] = []
+        """The steps of which a snapshot is kept, in order."""
         self._keep()
 
     @property
     def step(self) -> int:
-        return self._world.step
+        return self.world.step
 
     @property
     def cycle(self) -> int:
@@ -111,7 +94,7 @@ class LiveTwin:
 
     @property
     def snapshots(self) -> int:
-        return len(self._at)
+        return len(self.kept)
 
     def follow(self, cycle: int, seconds: float = math.inf) -> bool:
         """Go to the moment of a cycle, or calculate for about so many seconds on the way there.
@@ -120,13 +103,13 @@ class LiveTwin:
         physics diverges.
         """
         goal = self._receiver.step_at(cycle)
-        place = bisect_right(self._at, goal) - 1
-        if self.step > goal or self._at[place] > self.step:
-            self._restore(self._at[place])
+        place = bisect_right(self.kept, goal) - 1
+        if self.step > goal or self.kept[place] > self.step:
+            self._restore(self.kept[place])
         end = time.monotonic() + seconds
         while self.step < goal:
             self._calculate(min(goal, self.step + CHUNK, (self.step // SPACING + 1) * SPACING))
-            if self.step % SPACING == 0 and self.step not in self._kept:
+            if self.step % SPACING == 0 and self.step not in self._snapshots:
                 self._keep()
             if time.monotonic() >= end:
                 break
@@ -134,31 +117,15 @@ class LiveTwin:
 
     def forget(self, cycle: int) -> None:
         """Drop what followed from the edges of a cycle and those after it."""
-        last = bisect_right(self._at, self._receiver.step_at(cycle))
-        for step in self._at[last:]:
-            del self._kept[step]
-        del self._at[last:]
+        last = bisect_right(self.kept, self._receiver.step_at(cycle))
+        for step in self.kept[last:]:
+            del self._snapshots[step]
+        del self.kept[last:]
         if self.step > self._receiver.step_at(cycle):
-            self._restore(self._at[-1])
-
-    def moment(self) -> Moment:
-        """Return the bodies at the step that was reached."""
-        engine, world, data = mujoco(), self._world, self._shown
-        whole = engine.mjtState.mjSTATE_INTEGRATION
-        engine.mj_setState(world.model, data, world.snapshot().physics, whole)
-        engine.mj_forward(world.model, data)
-        pose = np.zeros(4)
-        if self.floating:
-            w, x, y, z = data.qpos[3:7]
-            pose = np.array([*data.qpos[:3], math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))])
-        feet = data.site_xpos[self._sites].reshape(1, -1, 3) - [0.0, 0.0, FOOT_RADIUS_M]
-        places = {name: data.xpos[[index]] for index, name in enumerate(self._names, 1)}
-        tool = np.zeros((1, 0)) if self._tool is None else data.site_xpos[[self._tool]]
-        lines = lines_through(self.rig.robot, places, feet, tool, pose[[0, 1, 3]].reshape(1, 3))
-        return Moment(world.seconds, pose, tuple(lines), feet[0], data.sensordata[: len(self._sites)].copy())
+            self._restore(self.kept[-1])
 
     def _calculate(self, until: int) -> None:
-        world, receiver = self._world, self._receiver
+        world, receiver = self.world, self._receiver
         begin, end = receiver.first_cycle(world.step), receiver.first_cycle(until)
         self._waiting += receiver.pulses(self._edges(begin, end))
         count = 0
@@ -172,23 +139,67 @@ class LiveTwin:
             raise InputError("unstable", f"the physics diverged before {world.seconds:g} s")
 
     def _keep(self) -> None:
-        snapshot = _Kept(self._world.snapshot(), self._receiver.snapshot(), tuple(self._waiting))
-        self._kept[self.step] = snapshot
-        insort(self._at, self.step)
-        if len(self._at) > MAX_SNAPSHOTS:
+        snapshot = _Kept(self.world.snapshot(), self._receiver.snapshot(), tuple(self._waiting))
+        self._snapshots[self.step] = snapshot
+        insort(self.kept, self.step)
+        if len(self.kept) > MAX_SNAPSHOTS:
             self._thin()
 
     def _thin(self) -> None:
         """Drop snapshots that are not recent until a quarter of the room is free."""
-        while len(self._at) > MAX_SNAPSHOTS * 3 // 4:
-            self._at = [
-                step for step in self._at if step % self._coarse == 0 or abs(step - self.step) <= RECENT
+        while len(self.kept) > MAX_SNAPSHOTS * 3 // 4:
+            self.kept = [
+                step for step in self.kept if step % self._coarse == 0 or abs(step - self.step) <= RECENT
             ]
             self._coarse *= 2
-        self._kept = {step: self._kept[step] for step in self._at}
+        self._snapshots = {step: self._snapshots[step] for step in self.kept}
 
     def _restore(self, step: int) -> None:
-        snapshot = self._kept[step]
-        self._world.restore(snapshot.world)
+        snapshot = self._snapshots[step]
+        self.world.restore(snapshot.world)
         self._receiver.restore(snapshot.wires)
         self._waiting = list(snapshot.waiting)
+
+
+class LiveTwin:
+    """A robot in its world that follows a chip."""
+
+    def __init__(
+        self,
+        job: PlannedJob,
+        clock: Clock,
+        edges: Callable[[int, int], EdgeChunk],
+        settings: TwinSettings = TwinSettings(),  # noqa: B008 - frozen
+        shown: int = 0,
+    ) -> None:
+        """Begin at power-up; of two chips `shown` is the one whose pins come first.
+
+        Raises InputError, and ToolError where MuJoCo is missing.
+        """
+        self.rig, _, self.world = standing(job, settings)
+        self.settings = settings = settings.following(self.rig)
+        receiver = PulseReceiver(self.rig.pins(job, shown), clock, settings.step_s)
+        self.history = FollowedWorld(self.world, receiver, edges)
+        model = self.world.model
+        self._shown = mujoco().MjData(model)
+        self.legs = [limb.name for limb in self.rig.robot.limbs if limb.mount is not None]
+        self._sites = [model.site(f"{name}_foot").id for name in self.legs]
+        self._tool = next((at for at in range(model.nsite) if model.site(at).name == "tool"), None)
+        self._names = [model.body(index).name for index in range(1, model.nbody)]
+        self.floating = bool(model.njnt) and model.joint(0).name == "body"
+
+    def moment(self) -> Moment:
+        """Return the bodies at the step that was reached."""
+        engine, world, data = mujoco(), self.world, self._shown
+        whole = engine.mjtState.mjSTATE_INTEGRATION
+        engine.mj_setState(world.model, data, world.snapshot().physics, whole)
+        engine.mj_forward(world.model, data)
+        pose = np.zeros(4)
+        if self.floating:
+            w, x, y, z = data.qpos[3:7]
+            pose = np.array([*data.qpos[:3], math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))])
+        feet = data.site_xpos[self._sites].reshape(1, -1, 3) - [0.0, 0.0, FOOT_RADIUS_M]
+        places = {name: data.xpos[[index]] for index, name in enumerate(self._names, 1)}
+        tool = np.zeros((1, 0)) if self._tool is None else data.site_xpos[[self._tool]]
+        lines = lines_through(self.rig.robot, places, feet, tool, pose[[0, 1, 3]].reshape(1, 3))
+        return Moment(world.seconds, pose, tuple(lines), feet[0], data.sensordata[: len(self._sites)].copy())

@@ -42,7 +42,7 @@ def class_rooms(task: GradingTask, graded: Sequence[Graded]) -> dict[str, Room]:
     """Return a room for each program that could be run, by its folder below the token."""
     names = page_names([result.submission.name for result in graded])
     return {
-        _folder(number): Room(partial(_subject, task, result, film_name(name)))
+        _folder(number): Room(partial(watched_program, task, result, film_name(name)))
         for number, (result, name) in enumerate(zip(graded, names, strict=True))
         if _ran(result)
     }
@@ -64,7 +64,7 @@ def _film(task: GradingTask, result: Graded, link: str, nonce: str) -> str:
     return film_page(task.lab, result.submission, result.grade, link, nonce)
 
 
-def _subject(
+def watched_program(
     task: GradingTask, result: Graded, film_page_name: str, progress: Callable[[str], None]
 ) -> Subject:
     """Return a program on the lab's board, at the moment of its film, with its grade. Raises InputError."""

@@ -65,14 +65,14 @@ class LiveBodies:
     def follow(self, seconds: float = SLICE_S) -> Iterator[dict[str, Any]]:
         """Go on toward the moment of the place; yield the bodies if they have changed since the last time."""
         now = int(self._place.now)
-        there = self._twin.follow(now, seconds)
-        state = (self._twin.step, there)
+        there = self._twin.history.follow(now, seconds)
+        state = (self._twin.history.step, there)
         if state == self._sent:
             return
         self._sent = state
         moment = self._twin.moment()
         x, y, z, yaw = moment.pose
-        behind = 0.0 if there else float(self._clock.seconds(now - self._twin.cycle))
+        behind = 0.0 if there else float(self._clock.seconds(now - self._twin.history.cycle))
         yield {
             "is": "bodies",
             "seconds": round(moment.seconds, 6),
@@ -87,7 +87,7 @@ class LiveBodies:
 
     def forget(self, cycle: int) -> None:
         """Drop what followed from a cycle on, where something else was done to the chip."""
-        self._twin.forget(cycle)
+        self._twin.history.forget(cycle)
 
 
 def _packed(metres: Sequence[npt.NDArray[np.float64]]) -> list[int]:

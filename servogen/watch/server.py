@@ -133,34 +133,39 @@ class Room:
         self._learning = False
         self._forgotten = 0
         """The number of windows whose memory the system does not have back yet."""
-        self._windows: dict[str, Window] = {}
+        self.windows: dict[str, Window] = {}
         self._tasks: set[asyncio.Future[None]] = set()
         self._editing = asyncio.Lock()
-        self._loading: asyncio.Task[None] | None = None
+        self.loading: asyncio.Task[None] | None = None
         self.used = 0.0
         """The time at which a window was last opened."""
 
     @property
     def started(self) -> bool:
-        return self._loading is not None
+        return self.loading is not None
 
     @property
     def watched(self) -> bool:
         """Return whether a window is open."""
-        return any(window.alive for window in self._windows.values())
+        return any(window.alive for window in self.windows.values())
+
+    @property
+    def busy(self) -> bool:
+        """Return whether something is still being sent or edited."""
+        return bool(self._tasks)
 
     def start(self) -> None:
         """Begin to load the subject."""
-        if self._loading is None:
-            self._loading = asyncio.create_task(self._load_subject())
+        if self.loading is None:
+            self.loading = asyncio.create_task(self._load_subject())
 
     def stop(self) -> None:
         """Forget the subject and the windows; the room can be started again."""
-        if self._loading is not None:
-            self._loading.cancel()
-        for window in self._windows.values():
+        if self.loading is not None:
+            self.loading.cancel()
+        for window in self.windows.values():
             window.end_work("check", "save", "build")
-        self._loading, self._subject, self._windows = None, None, {}
+        self.loading, self._subject, self.windows = None, None, {}
 
     def refuse(self, window: ServerConnection, text: str) -> None:
         """Say why nothing is shown."""
@@ -171,15 +176,15 @@ class Room:
         loop = asyncio.get_running_loop()
 
         def progress(text: str) -> None:
-            loop.call_soon_threadsafe(self._say, {"is": "status", "text": text})
+            loop.call_soon_threadsafe(self.say, {"is": "status", "text": text})
 
         try:
             subject = await asyncio.to_thread(self._load, progress)
         except ServogenError as error:
-            self._say({"is": "status", "failed": True, "text": str(error)})
+            self.say({"is": "status", "failed": True, "text": str(error)})
             return
         except Exception as error:  # a defect: the page reports it, and the server continues
-            self._say({"is": "status", "failed": True, "text": f"a defect of servogen: {error!r}"})
+            self.say({"is": "status", "failed": True, "text": f"a defect of servogen: {error!r}"})
             return
         self._show(subject)
 
@@ -188,7 +193,7 @@ class Room:
         text = await asyncio.to_thread(theorem_of, subject)
         if text and subject is self._subject:
             self._theorem = {"is": "theorem", "text": text}
-            for window in self._windows.values():
+            for window in self.windows.values():
                 self._send(window, self._theorem)
 
     async def _learn(self, subject: Subject) -> None:
@@ -196,7 +201,7 @@ class Room:
         repetition = await asyncio.to_thread(repetition_of, subject)
         if subject is self._subject:
             self._repetition, self._learning = repetition, False
-            for window in self._windows.values():
+            for window in self.windows.values():
                 if window.session is not None and window.session.subject is subject:
                     window.session.knows(repetition)
 
@@ -204,8 +209,8 @@ class Room:
         """Show another subject in every window, at the moment where each is."""
         self._subject, self._repetition, self._learning = subject, None, True
         self._theorem = {"is": "theorem", "text": ""}
-        self._say({"is": "status", "text": ""})
-        for window in self._windows.values():
+        self.say({"is": "status", "text": ""})
+        for window in self.windows.values():
             self._present(window, self._session(window.session, subject, window.place))
         self._begin(self._find_theorem(subject))
         self._begin(self._learn(subject))
@@ -244,9 +249,9 @@ class Room:
         self._send(window, session.model())
         self._send(window, session.there())
 
-    def _say(self, message: Message) -> None:
+    def say(self, message: Message) -> None:
         self._status = message
-        for window in self._windows.values():
+        for window in self.windows.values():
             self._send(window, message)
 
     def _send(self, window: Window, message: Message) -> None:
@@ -263,7 +268,7 @@ class Room:
 
     def tick(self, elapsed: float) -> None:
         """Let the simulated time of every running window pass."""
-        for window in list(self._windows.values()):
+        for window in list(self.windows.values()):
             if window.session is not None and window.alive:
                 self._answer(window, _guarded(window.session, lambda s: s.tick(elapsed)))
 
@@ -278,7 +283,7 @@ class Room:
 
         Return what takes its requests, None where it has gone; `send` takes what answers them.
         """
-        opened = (each for each in reversed(self._windows.values()) if each.socket is not None)
+        opened = (each for each in reversed(self.windows.values()) if each.socket is not None)
         window = next(opened, Window())
         debugging = Debugging(window.session, send)
         if debugging.session is not None:
@@ -335,7 +340,7 @@ class Room:
                 if message.get("do") == "stop":
                     window.end_work("save", "build")
                 elif message.get("do") in ("check", "save", "build", "record", "pose"):
-                    self._begin(self._edit(window, message))  # a stop must not wait for a build
+                    self._begin(self.edit(window, message))  # a stop must not wait for a build
                 elif window.session is not None and message.get("do") == "chip":
                     self._turn(window, window.session, message.get("number"))
                 elif window.session is not None:
@@ -355,14 +360,14 @@ class Room:
 
         A window of a server that has ended comes back at its `place`, also where nothing is loaded yet.
         """
-        window = self._windows.get(name)
+        window = self.windows.get(name)
         if window is None or window.socket is not None:
             before, place = (None, place) if window is None else (window.session, {})
             window = Window(place=place)
             if self._subject is not None:
                 window.session = self._session(before, self._subject, place)
             name = secrets.token_urlsafe(12)
-        self._windows[name] = self._windows.pop(name, window)  # the last one opened is the last one
+        self.windows[name] = self.windows.pop(name, window)  # the last one opened is the last one
         window.socket = socket
         self._forget()
         self._send(window, {"is": "window", "name": name})
@@ -375,16 +380,16 @@ class Room:
         return window
 
     def _forget(self) -> None:
-        closed = [name for name, window in self._windows.items() if not window.alive]
-        gone = closed[: max(0, len(self._windows) - MAX_SESSIONS)]
+        closed = [name for name, window in self.windows.items() if not window.alive]
+        gone = closed[: max(0, len(self.windows) - MAX_SESSIONS)]
         for name in gone:
-            del self._windows[name]
+            del self.windows[name]
         self._forgotten += len(gone)
         if self._forgotten >= MAX_SESSIONS:
             self._forgotten = 0
             _return_memory()
 
-    async def _edit(self, window: Window, message: Mapping[str, Any]) -> None:
+    async def edit(self, window: Window, message: Mapping[str, Any]) -> None:
         """Check, save, extend or build the job, in a thread. A check ends the one before it."""
         if self._editor is None:
             self._send(window, {"is": "problem", "text": "only a job file can be changed here"})
@@ -410,7 +415,7 @@ class Room:
             return  # a newer text is being checked
         self._send(window, answer | {"number": message.get("number")})
         if answer.get("saved") or answer["is"] == "built":  # the other windows see the same file
-            for other in self._windows.values():
+            for other in self.windows.values():
                 if other is not window:
                     self._send(other, self._editor.opened())
         if subject is not None:
@@ -437,14 +442,14 @@ class WatchServer:
 
     def __init__(self, rooms: Mapping[str, Room], pages: Mapping[str, Page] = MappingProxyType({})) -> None:
         """Serve each room's page in the folder that it is named by; "": right below the token."""
-        self._rooms = rooms
+        self.rooms = rooms
         self._pages = pages
-        self._token = secrets.token_urlsafe(24)
+        self.token = secrets.token_urlsafe(24)
         self.port = 0
 
     @property
     def url(self) -> str:
-        return f"http://{LOOPBACK}:{self.port}/{self._token}/"
+        return f"http://{LOOPBACK}:{self.port}/{self.token}/"
 
     async def run(self, port: int, ready: Callable[[str], None]) -> None:
         """Serve until it is cancelled; `ready` is called with the page's address."""
@@ -460,18 +465,18 @@ class WatchServer:
         )
         self.port = next(iter(server.sockets)).getsockname()[1]
         ready(self.url)
-        if "" in self._rooms:
-            self._rooms[""].start()
+        if "" in self.rooms:
+            self.rooms[""].start()
         try:
-            await self._ticking()
+            await self.ticking()
         finally:
-            for room in self._rooms.values():
+            for room in self.rooms.values():
                 room.stop()
             server.close()
             with suppress(TimeoutError):  # a browser keeps connections open on which it never asks
                 await asyncio.wait_for(server.wait_closed(), CLOSING_S)
 
-    async def _ticking(
+    async def ticking(
         self,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], Awaitable[None]] = asyncio.sleep,
@@ -481,7 +486,7 @@ class WatchServer:
             await sleep(1 / PICTURES_PER_S)
             now = clock()
             elapsed, last = now - last, now
-            for room in self._rooms.values():
+            for room in self.rooms.values():
                 room.tick(elapsed)
 
     def _respond(self, connection: ServerConnection, request: Request) -> Response | None:
@@ -495,18 +500,18 @@ class WatchServer:
         if socket:
             return (
                 None
-                if file in SOCKETS and folder in self._rooms
+                if file in SOCKETS and folder in self.rooms
                 else _plain(connection, HTTPStatus.NOT_FOUND, "There is no such socket.\n")
             )
         page = self._pages.get(unquote(name))
         if page is not None:
             nonce = secrets.token_urlsafe(16)
             return _answer(page.kind, page.text(nonce).encode(), f"'nonce-{nonce}'", f"'nonce-{nonce}'")
-        if name in self._rooms and not path.endswith("/"):  # the page's own files are beside it
+        if name in self.rooms and not path.endswith("/"):  # the page's own files are beside it
             moved = _plain(connection, HTTPStatus.PERMANENT_REDIRECT, "")
             moved.headers["Location"] = f"{path}/"
             return moved
-        if folder in self._rooms and file in FILES:
+        if folder in self.rooms and file in FILES:
             return _file(FILES[file], self.port)
         return _plain(connection, HTTPStatus.NOT_FOUND, "There is no such file.\n")
 
@@ -518,7 +523,7 @@ class WatchServer:
         """
         hosts = (f"{LOOPBACK}:{self.port}", f"localhost:{self.port}")
         host, origin = headers.get("Host"), headers.get("Origin")
-        if host not in hosts or not secrets.compare_digest(token.encode(), self._token.encode()):
+        if host not in hosts or not secrets.compare_digest(token.encode(), self.token.encode()):
             return False
         if origin is not None:
             return origin == f"http://{host}"
@@ -529,11 +534,11 @@ class WatchServer:
         assert socket.request is not None
         path, _, _ = socket.request.path.partition("?")
         folder, _, file = path.removeprefix("/").partition("/")[2].rpartition("/")
-        room = self._rooms[folder]
+        room = self.rooms[folder]
         if file == DEBUGGER:
             await room.debug(socket)
             return
-        if not room.started and not self._may_start():
+        if not room.started and not self.may_start():
             room.refuse(socket, f"{MAX_ROOMS} programs are open: close one of them and load this page again")
             await socket.wait_closed()
             return
@@ -541,9 +546,9 @@ class WatchServer:
         room.start()
         await room.serve(socket)
 
-    def _may_start(self) -> bool:
+    def may_start(self) -> bool:
         """Return whether another room may be loaded; empty the one that was left first, if there is one."""
-        started = [room for room in self._rooms.values() if room.started]
+        started = [room for room in self.rooms.values() if room.started]
         if len(started) < MAX_ROOMS:
             return True
         left = [room for room in started if not room.watched]

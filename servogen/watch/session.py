@@ -182,10 +182,10 @@ class WatchSession:
 
     @property
     def now(self) -> int:
-        return int(self._place.now)
+        return int(self.place.now)
 
     @property
-    def _place(self) -> TimeMachine | Recording:
+    def place(self) -> TimeMachine | Recording:
         place = self.chip or self.recording
         assert place is not None
         return place
@@ -220,7 +220,7 @@ class WatchSession:
             "graded": subject.graded,
             "robot": robot,
             "poses": subject.path.suffix.lower() == JOB_SUFFIX,
-            "inputs": _inputs(subject),
+            "inputs": buttons_of(subject),
             "serial": _serial(subject),
             "bus": _bus(subject),
             "walk": _walk(subject),
@@ -345,7 +345,7 @@ class WatchSession:
         self._due = 0.0
         self._goal = max(0, min(cycle, int(self.subject.clock.round_seconds(MAX_CYCLE_S))))
         if self.chip is None:
-            self._place.seek(self._goal)
+            self.place.seek(self._goal)
             self._look_back()
         else:
             self._way = self.chip.going(self._goal)
@@ -419,14 +419,14 @@ class WatchSession:
 
     def _look_back(self) -> None:
         """Determine the pulses after a jump: those just before, or the latest before a silence."""
-        self._latest = LatestEdges(self.now, self._place.levels_before(self.now))
+        self._latest = LatestEdges(self.now, self.place.levels_before(self.now))
         if self.listener is not None:
             self.listener.restart(self._latest.levels_before(self.now))
         frames = (SILENT_FRAMES + 1) * self._period
         for span in (frames, *(int(self.subject.clock.round_seconds(seconds)) for seconds in HELD_S)):
             begin = max(0, self.now - span)
             self._pulses = self._no_pulses()
-            self._pulses.add(self._place.edges(begin, self.now))
+            self._pulses.add(self.place.edges(begin, self.now))
             if begin == 0 or all(self._pulses.held[pin] for pin in self._servo_pins):
                 break
 
@@ -435,7 +435,7 @@ class WatchSession:
         message: Message = {
             "is": "now",
             "cycle": self.now,
-            "reach": int(self._place.reach),
+            "reach": int(self.place.reach),
             "running": self.running,
             "widths": self._pulses.widths(self.now, SILENT_FRAMES * self._period),
             "levels": self._levels(),
@@ -530,7 +530,7 @@ class WatchSession:
         self._stop("")
         forwards = count > 0
         if what == "frame":
-            self._place.seek(max(0, self._frame_begin(count)))
+            self.place.seek(max(0, self._frame_begin(count)))
         elif what == "edge":
             pin = message.get("pin")
             pins = frozenset() if pin is None else frozenset((int(pin),))
@@ -548,7 +548,7 @@ class WatchSession:
 
     def _step_edge(self, forwards: bool, pins: frozenset[int]) -> bool:
         if self.chip is None:
-            return self._place.step_edge(forwards, pins)
+            return self.place.step_edge(forwards, pins)
         return self.chip.step_edge(forwards, pins, int(self.subject.clock.round_seconds(EDGE_S)))
 
     def _frame_begin(self, count: int) -> int:
@@ -597,7 +597,7 @@ class WatchSession:
         yield self._waves(*self._sight)
 
     def _waves(self, begin: int, end: int) -> Message:
-        seen = min(end, int(self._place.reach))
+        seen = min(end, int(self.place.reach))
         before = self._levels_before(begin)
         cycle, pin, level = self._edges(begin, seen)
         edges = EdgeChunk(cycle[:MAX_EDGES], pin[:MAX_EDGES], level[:MAX_EDGES])
@@ -651,12 +651,10 @@ class WatchSession:
             bauds |= {PINS.index(name): Fraction(serial["baud"]) for name in names}
         yield from (SerialListener(pin, baud, self.subject.clock) for pin, baud in bauds.items())
         if bus is not None:
-            reach = min(begin, int(self._place.reach))
+            reach = min(begin, int(self.place.reach))
             scl, sda = PINS.index(bus["scl"]), PINS.index(bus["sda"])
             clocks = (
-                self.chip.at(reach, _clocks)
-                if self.chip
-                else clocks_of(self._place.edges(0, reach), scl, sda)
+                self.chip.at(reach, _clocks) if self.chip else clocks_of(self.place.edges(0, reach), scl, sda)
             )
             yield BusListener(scl, sda, clocks)
 
@@ -665,12 +663,12 @@ class WatchSession:
         if begin >= end:
             return join(())
         return (
-            self._latest.edges(begin, end) if self._latest.has(begin, end) else self._place.edges(begin, end)
+            self._latest.edges(begin, end) if self._latest.has(begin, end) else self.place.edges(begin, end)
         )
 
     def _levels_before(self, begin: int) -> tuple[int, ...]:
-        begin = min(begin, int(self._place.reach))
-        source = self._latest if self._latest.has(begin, begin) else self._place
+        begin = min(begin, int(self.place.reach))
+        source = self._latest if self._latest.has(begin, begin) else self.place
         return source.levels_before(begin)
 
     def _intervened_at(self) -> float:
@@ -690,7 +688,7 @@ class WatchSession:
         alone: list[Edge] = []
         for wanted in self._wanted():
             first = max(0, begin - wanted.margin)
-            last = min(seen + wanted.margin, int(self._place.reach))
+            last = min(seen + wanted.margin, int(self.place.reach))
             made = _driven(self._levels_before(first), self._edges(first, last))
             around = wanted.edges(begin - wanted.margin, end + wanted.margin)
             asked += [edge for edge in around if begin <= edge[0] < end]
@@ -737,7 +735,7 @@ class WatchSession:
         if name:
             _check_baud(baud)
             self.listener = SerialListener(pin_number(name), baud, self.subject.clock)
-            self.listener.restart(self._place.levels_before(self.now))
+            self.listener.restart(self.place.levels_before(self.now))
         yield from ()
 
     def _do_walk(self, message: Mapping[str, Any]) -> Iterator[Message]:
@@ -805,7 +803,7 @@ class WatchSession:
             self.bodies = None
             return
         try:
-            self.bodies = self.bodies or LiveBodies(self.subject, self._place)
+            self.bodies = self.bodies or LiveBodies(self.subject, self.place)
         except ServogenError as error:
             yield _without_bodies(error)
             return
@@ -850,7 +848,7 @@ class WatchSession:
         fresh._go(self._goal if self._way is not None else self.now)
         if self.bodies is not None:
             with suppress(ServogenError):  # a version without a robot has none
-                fresh.bodies = LiveBodies(subject, fresh._place)
+                fresh.bodies = LiveBodies(subject, fresh.place)
         return fresh
 
 
@@ -1078,7 +1076,7 @@ def _servo_pins(subject: Subject) -> list[int]:
     return [servo["pin"] for servo in robot["servos"]] if robot else []
 
 
-def _inputs(subject: Subject) -> list[Message]:
+def buttons_of(subject: Subject) -> list[Message]:
     """Return the buttons of a job: name, pin, and the level at which each is pressed."""
     if subject.job is None:
         return []

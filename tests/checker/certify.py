@@ -107,25 +107,25 @@ class Maker(Checker):
 
     def make(self, forget: Forget) -> Certificate:
         """Return a certificate with these states."""
-        self.forget, self.listed = forget, self._states
-        self._follow(self._power_up())
+        self.forget, self.listed = forget, self.states
+        self._follow(self.power_up())
         number = 0
         while number < len(self.listed):  # it grows meanwhile
-            self._follow(self._started(self.listed[number : number + 1]))
+            self._follow(self.started(self.listed[number : number + 1]))
             number += 1
         return self._claim()
 
     def _claim(self) -> Certificate:
         nothing = self._plan.inputs.power_up  # in a state after the last pulse, the place says nothing
-        places = [place if place.memory else Place(nothing) for place in self._places]
+        places = [place if place.memory else Place(nothing) for place in self.places]
         return Certificate("", "", 0, {}, frozenset(), places, self.listed[:, :STATE_WIDTH])
 
-    def _compare(self, rows: chip.Ints) -> None:
+    def compare(self, rows: chip.Ints) -> None:
         for row in rows:
             self._listed = []
-            self._states = self._started(self._known(self._claim()))
+            self.states = self.started(self.known(self._claim()))
             try:
-                super()._compare(row[None])
+                super().compare(row[None])
             except Refused:
                 listed = row.copy()
                 listed[layout.CYCLE] = 0

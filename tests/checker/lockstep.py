@@ -43,7 +43,7 @@ USED = {layout.PORTA: 0x1F, layout.TRISA: 0x1F, layout.EECON1: 0x0C, layout.INTC
 NO_EDGES = np.zeros(0, dtype=np.int64)
 
 
-PIECES = [each for each in programs._PIECES if each not in (programs._sleep, programs._eeprom)]
+PIECES = [each for each in programs.PIECES if each not in (programs.sleep, programs.eeprom)]
 
 OVERTAKES: list[Callable[[random.Random], list[int]]] = [
     lambda rng: [encode("BCF", f=0x0B, b=2)],
@@ -71,7 +71,7 @@ def program(seed: int, timer_unknown: bool = False) -> Image:
     words += [encode("BCF", f=3, b=5)]
     if not timer_unknown:
         words += [encode("MOVLW", k=rng.randrange(256)), encode("MOVWF", f=1)]
-    for address in rng.sample(programs._RAM, rng.randrange(7)):
+    for address in rng.sample(programs.RAM, rng.randrange(7)):
         words += [encode("MOVLW", k=rng.randrange(256)), encode("MOVWF", f=address)]
     enables = (0xA0, 0xA0, 0xE0, 0xB0) if timer_unknown else (0, 0, 0xA0, 0x20, 0x80)
     words += [encode("MOVLW", k=rng.choice(enables)), encode("MOVWF", f=0x0B)]

@@ -180,9 +180,9 @@ def checker(schedule: bytes = SCHEDULE, image: Image = PLAIN, held: dict[str, in
 
 def started(of: Checker, listed: chip.Ints) -> chip.Ints:
     """Return the chip that runs on from a listed state, in frame 0, in which nothing was read yet."""
-    listed[[FRAME_NUMBER, PLACE]] = 0, of._number(Place((1, 1, 0, 0)))
+    listed[[FRAME_NUMBER, PLACE]] = 0, of.number(Place((1, 1, 0, 0)))
     listed[layout.STAGE] = layout.RUNS
-    return of._started(listed[None])[0]
+    return of.started(listed[None])[0]
 
 
 def row(**slots: int) -> chip.Ints:
@@ -197,23 +197,23 @@ def row(**slots: int) -> chip.Ints:
 def test_power_up_is_that_of_the_lockstep() -> None:
     """Both are written from DS35007 table 6-4."""
     of = checker()
-    found = of._power_up()[0]
+    found = of.power_up()[0]
     expected = lockstep.power_up()
     assert np.array_equal(found[: layout.SLOTS], expected)
     assert found[[FRAME_NUMBER, ORIGIN, DUE]].tolist() == [0, -1, 0]
-    assert of._places[found[PLACE]] == Place((1, 1, 0, 0))
+    assert of.places[found[PLACE]] == Place((1, 1, 0, 0))
 
 
 @pytest.mark.parametrize(("config", "due"), [(0x3FF5, 7000), (0x3FF1, None), (None, 7000)])
 def test_the_watchdog_is_on_by_its_bit_and_on_an_erased_chip(config: int | None, due: int | None) -> None:
     """7 ms at 4 MHz: DS35007 section 6.1, parameter 31."""
-    assert checker(image=Image(PLAIN.program, config))._board.watchdog == (due or 0)
+    assert checker(image=Image(PLAIN.program, config)).board.watchdog == (due or 0)
 
 
 @pytest.mark.parametrize("clock_hz", [3_999_999, 4_000_000, 20_000_000])
 def test_the_watchdogs_period_is_a_whole_number_of_cycles_rounded_down(clock_hz: int) -> None:
     schedule = SCHEDULE.replace(b"4000000", str(clock_hz).encode())
-    assert checker(schedule, certify.plain_program("0x3ff5"))._board.watchdog == 7 * clock_hz // 4000
+    assert checker(schedule, certify.plain_program("0x3ff5")).board.watchdog == 7 * clock_hz // 4000
 
 
 @pytest.mark.parametrize("option", [*range(8), layout.PSA, layout.PSA | 7])
@@ -250,8 +250,8 @@ def contains(listed: chip.Ints, state: chip.Ints) -> bool:
     """Return whether the first state contains the second, by the keys of the checker."""
     cells = listed[check.BYTES].astype(np.int32)
     shape = np.where(cells >> 16, 1 << 16, cells & UNKNOWN)
-    (key,) = check._keys(listed[None], shape)
-    return key is not None and check._keys(state[None], shape)[0] == key
+    (key,) = check.keys_of(listed[None], shape)
+    return key is not None and check.keys_of(state[None], shape)[0] == key
 
 
 def bytes_of(cell: int, phase: int) -> set[int]:
@@ -379,15 +379,15 @@ def test_a_watchdog_that_was_cleared_later_or_a_write_that_ends_earlier_is_conta
 ) -> None:
     of = checker(image=certify.plain_program("0x3ff5" if on else "0x3ff1"))
     listed = Certificate("", "", 0, {}, frozenset(), [Place((1, 1, 0, 0))], row(**{slot: 50})[None, :WIDTH])
-    of._states = of._started(of._known(listed))
+    of.states = of.started(of.known(listed))
     for value in (50, 49, 0, 51, 5000):
         state = row(**{slot: value}, STAGE=layout.RUNS)
-        state[PLACE] = of._number(Place((1, 1, 0, 0)))
+        state[PLACE] = of.number(Place((1, 1, 0, 0)))
         if value <= 50 or not on:
-            of._compare(state[None])
+            of.compare(state[None])
         else:
             with pytest.raises(Refused, match="the state is within no listed one"):
-                of._compare(state[None])
+                of.compare(state[None])
 
 
 # What is said ---------------------------------------------------------------------------------------------
@@ -413,15 +413,15 @@ def test_a_watchdog_that_was_cleared_later_or_a_write_that_ends_earlier_is_conta
 )  # fmt: skip
 def test_a_refusal_says_where_it_was_and_which_pins_were_high(changes: dict[str, int], text: str) -> None:
     state = row(**({"STAGE": layout.RUNS, "TIME": 1000} | changes))
-    assert check._place_of(state) + ": why" == text
+    assert check.place_of(state) + ": why" == text
 
 
 def test_a_refusal_names_the_listed_state_and_the_frame() -> None:
     state = row(STAGE=layout.RUNS, TIME=1000)
     state[[ORIGIN, FRAME_NUMBER]] = 17, 23
-    assert "cycles after state 17, at address 0x000, frame 23, cycle 1000" in check._place_of(state)
+    assert "cycles after state 17, at address 0x000, frame 23, cycle 1000" in check.place_of(state)
     state[ORIGIN] = -1
-    assert check._place_of(state).startswith("1000 cycles after power-up, ")
+    assert check.place_of(state).startswith("1000 cycles after power-up, ")
 
 
 @pytest.mark.parametrize(
@@ -463,16 +463,16 @@ def test_a_place_has_the_memory_of_the_inputs(places: list[list[object]], good: 
     listed = Certificate("", "", 0, {}, frozenset(), [Place(tuple(each)) for each in places],
                          np.zeros((1, WIDTH), dtype=np.int64))  # fmt: skip
     if good:
-        assert of._known(listed)[0, ORIGIN] == 0
+        assert of.known(listed)[0, ORIGIN] == 0
     else:
         with pytest.raises(Refused, match="the schedule has none such"):
-            of._known(listed)
+            of.known(listed)
 
 
 def test_a_held_pin_that_is_an_input_of_the_schedule_is_read_no_more() -> None:
     schedule = certify.schedule(certify.STOP)
-    assert checker(schedule)._board.buttons == 1 << PINS.index("RA4")
+    assert checker(schedule).board.buttons == 1 << PINS.index("RA4")
     held = checker(schedule, held={"RA4": 1, "RB7": 0})
-    assert (held._board.buttons, held._board.held, held._board.levels) == (0, 0x1010, 0x10)
+    assert (held.board.buttons, held.board.held, held.board.levels) == (0, 0x1010, 0x10)
     other = checker(schedule, held={"RB7": 1})
-    assert (other._board.buttons, other._board.held, other._board.levels) == (0x10, 0x1000, 0x1000)
+    assert (other.board.buttons, other.board.held, other.board.levels) == (0x10, 0x1000, 0x1000)

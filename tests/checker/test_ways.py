@@ -46,7 +46,7 @@ def program(seed: int) -> Image:
     words += [encode("MOVLW", k=enabled), encode("MOVWF", f=0x0B)]
     main = len(words)
     while len(words) < main + 30:
-        piece = rng.choice((programs._literal, programs._bit, programs._subroutine, programs._eeprom))
+        piece = rng.choice((programs.literal, programs.bit, programs.subroutine, programs.eeprom))
         words += piece(rng, len(words))
     return Image(dict(enumerate([*words, encode("GOTO", k=main)])), 0x3FF1)
 

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from servogen.debug.breakpoints import AtAddress, AtCondition, AtEdge, _writers, first_stop, parse_breakpoint
+from servogen.debug.breakpoints import (
+    AtAddress,
+    AtCondition,
+    AtEdge,
+    first_stop,
+    parse_breakpoint,
+    writers_of,
+)
 from servogen.debug.pins import explain_pin
 from servogen.debug.symbols import ListedLine, Variable, current_line, line_at, routine, variable
 from servogen.debug.time_machine import TimeMachine
@@ -125,16 +132,16 @@ def test_comparisons_below_at_and_above_the_value(comparison: str, holds: tuple[
     assert tuple(condition.holds(OfRam(value)) for value in (4, 5, 6)) == holds  # type: ignore[arg-type]
 
 
-def test_the_writers_of_a_condition_write_its_bytes_or_through_fsr() -> None:
+def test_thewriters_of_of_a_condition_write_its_bytes_or_through_fsr() -> None:
     source = (
         " movwf 0x20\n movwf 0x21\n movwf 0x22\n incf 0x20, w\n incf 0x21, f\n movf INDF, w\n clrf INDF\n"
         " btfsc 0x20, 0\n bsf 0x20, 0\n goto 0x20\n dw 1\n"
     )
     made = assemble(f' include "p16f84.inc"\n{source} end').image
     two = [AtCondition("", Variable(0x20, 2), "==", 1)]
-    assert _writers(two, made) == {0, 1, 4, 6, 8}
-    assert _writers([*two, AtCondition("", Variable(0x22, 1), "==", 1)], made) == {0, 1, 2, 4, 6, 8}
-    assert _writers([], made) == frozenset()
+    assert writers_of(two, made) == {0, 1, 4, 6, 8}
+    assert writers_of([*two, AtCondition("", Variable(0x22, 1), "==", 1)], made) == {0, 1, 2, 4, 6, 8}
+    assert writers_of([], made) == frozenset()
 
 
 def test_the_first_edge_of_a_recording_that_is_asked_for() -> None:

@@ -365,7 +365,7 @@ def test_which_snapshots_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     def kept_at(*moments: int) -> list[int]:
         for moment in moments:
             chip.seek(moment)
-        return chip._at
+        return chip.kept
 
     assert kept_at(*range(0, 4000, 100)) == [*range(0, 4000, 100)]
     assert kept_at(4000) == [*range(0, 3000, 200), *range(3000, 4001, 100)]
@@ -391,7 +391,7 @@ def test_of_too_many_recent_snapshots_older_ones_are_thinned_out(
     chip = TimeMachine(image("end_ goto end_\n"), clock)
     chip.seek(40_000)
     assert 20 <= chip.snapshots <= 40
-    assert [at for at in chip._at if at > 39_000] == [*range(39_100, 40_001, 100)]
+    assert [at for at in chip.kept if at > 39_000] == [*range(39_100, 40_001, 100)]
     chip.seek(10_000)
     assert (chip.now, chip.machine.pc) == (10_000, 0)
 
@@ -405,7 +405,7 @@ def test_instructions_of_the_thinned_past_are_run_again_a_short_way_at_a_time(
     monkeypatch.setattr(time_machine, "MAX_SNAPSHOTS", 40)
     chip = TimeMachine(image("end_ goto end_\n"), CLOCK)
     chip.seek(20_000)
-    chip.seek(next(after for before, after in pairwise(chip._at) if after - before > 200))
+    chip.seek(next(after for before, after in pairwise(chip.kept) if after - before > 200))
     end, observe, begun = int(chip.now), Machine.observe, list[int]()
 
     def observed(machine: Machine, *given: Any) -> Any:

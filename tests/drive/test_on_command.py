@@ -325,7 +325,7 @@ def test_the_one_button_is_pressed_for_every_command_but_a_stop_of_a_robot_that_
     twin = twin_of(CommandButton(BUTTON), monkeypatch)
     assert twin.directions == ("next",)
     press = [*["next"] * 4, "", ""]
-    presses = twin._stimulus.presses  # type: ignore[union-attr]
+    presses = twin.stimulus.presses  # type: ignore[union-attr]
     for command, pressed in (("stop", 0), ("next", 1), ("stop", 1), ("stop", 0), ("next", 1), ("next", 1)):
         assert twin.command(command) == b""
         assert list(presses) == press * pressed
@@ -337,8 +337,8 @@ def test_a_direction_s_button_is_held_until_the_stop(monkeypatch: pytest.MonkeyP
     assert twin.directions == ("forward", "left")
     for command, held in (("left", "left"), ("forward", "forward"), ("stop", "")):
         assert twin.command(command) == b""
-        assert twin._stimulus.held == held  # type: ignore[union-attr]
-    assert twin._stimulus.buttons == {"forward": (PINS.index("RA4"), 0), "left": (PINS.index("RA3"), 1)}  # type: ignore[union-attr]
+        assert twin.stimulus.held == held  # type: ignore[union-attr]
+    assert twin.stimulus.buttons == {"forward": (PINS.index("RA4"), 0), "left": (PINS.index("RA3"), 1)}  # type: ignore[union-attr]
 
 
 def test_a_line_has_every_code_twice(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -346,13 +346,13 @@ def test_a_line_has_every_code_twice(monkeypatch: pytest.MonkeyPatch) -> None:
     assert twin.directions == ("back", "forward")
     for command, name in (("forward", "forward"), ("back", "back"), ("stop", None)):
         assert twin.command(command) == bytes([uart_byte(name)] * 2)
-        assert bytes(twin._stimulus.waiting) == bytes([uart_byte(name)] * 2)  # type: ignore[union-attr]
-        twin._stimulus.waiting.clear()  # type: ignore[union-attr]
+        assert bytes(twin.stimulus.waiting) == bytes([uart_byte(name)] * 2)  # type: ignore[union-attr]
+        twin.stimulus.waiting.clear()  # type: ignore[union-attr]
 
 
 def test_the_chip_s_variables_say_what_it_does(monkeypatch: pytest.MonkeyPatch) -> None:
     twin = twin_of(CommandLine("RA4"), monkeypatch)
-    chip: Any = twin._chip
+    chip: Any = twin.chip
     for number, (begun, until, direction, part) in enumerate(
         [
             (0, 4, "lead-in", ""),
@@ -374,7 +374,7 @@ def test_the_chip_s_variables_say_what_it_does(monkeypatch: pytest.MonkeyPatch) 
 
 def test_the_widths_of_a_frame_are_the_latest_whole_pulses(monkeypatch: pytest.MonkeyPatch) -> None:
     twin = twin_of(CommandLine("RA4"), monkeypatch)
-    chip: Any = twin._chip
+    chip: Any = twin.chip
     (heard,) = chip.listeners
     one, two = 1 << PINS.index("RB0"), 1 << PINS.index("RA1")
 

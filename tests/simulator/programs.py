@@ -12,7 +12,7 @@ _BYTE = ("ADDWF", "ANDWF", "COMF", "DECF", "DECFSZ", "INCF", "INCFSZ", "IORWF", 
 _BYTE_OPS = (*_BYTE, "SWAPF", "XORWF")
 _LITERAL_OPS = ("ADDLW", "ANDLW", "IORLW", "MOVLW", "SUBLW", "XORLW")
 _SFRS = (0, 1, 2, 3, 4, 5, 6, 8, 9, 0x0A, 0x0B)
-_RAM = (0x0C, 0x0D, 0x20, 0x21, 0x22, 0x4F)
+RAM = (0x0C, 0x0D, 0x20, 0x21, 0x22, 0x4F)
 
 
 def wild_image(seed: int) -> Image:
@@ -36,7 +36,7 @@ def tame_image(seed: int, first: Sequence[int] = ()) -> Image:
     main = len(words)
     size = rng.choice((45, 70, 180))  # a short program comes round often: it meets what it did before
     while len(words) < size:
-        words += rng.choice(_PIECES)(rng, len(words))
+        words += rng.choice(PIECES)(rng, len(words))
     words.append(encode("GOTO", k=main))
     return Image(dict(enumerate(words)), config, {i: rng.randrange(256) for i in range(4)})
 
@@ -49,12 +49,12 @@ def timed_image(seed: int) -> Image:
     words += _set_up(rng)
     main = len(words)
     for _ in range(3):
-        words += [word for _ in range(rng.randrange(3)) for word in rng.choice(_PIECES)(rng, len(words))]
+        words += [word for _ in range(rng.randrange(3)) for word in rng.choice(PIECES)(rng, len(words))]
         words += rng.choice(
             ([], [encode("BCF", f=3, b=5)], [encode("BCF", f=3, b=5)], [encode("BSF", f=3, b=5)])
         )
         words += _store(rng, len(words)) if rng.random() < 0.5 else []
-        byte, head = rng.choice(_RAM), len(words)
+        byte, head = rng.choice(RAM), len(words)
         words += rng.choice(([], [], [encode("GOTO", k=head + 4)]))
         head = len(words)
         words += [encode("MOVF", f=1, d=0), encode("XORWF", f=byte, d=0), encode("BTFSS", f=3, b=2)]
@@ -83,35 +83,35 @@ def _set_up(rng: random.Random) -> list[int]:
         words += [encode("MOVLW", k=rng.randrange(256)), encode("MOVWF", f=register)]
     option = rng.choice((rng.randrange(256), rng.randrange(256) & 0xDF, 0x80 | rng.randrange(4)))
     words += [encode("MOVLW", k=option), encode("MOVWF", f=1), encode("BCF", f=3, b=5)]
-    for address in rng.sample(_RAM, rng.randrange(len(_RAM) + 1)):
+    for address in rng.sample(RAM, rng.randrange(len(RAM) + 1)):
         words += [encode("MOVLW", k=rng.randrange(256)), encode("MOVWF", f=address)]
     intcon = rng.choice((0, 0xA0, 0x90, 0x88, 0xF8, 0x28, 0x10, 0x40, 0xC0))
     return [*words, encode("MOVLW", k=intcon), encode("MOVWF", f=0x0B)]
 
 
 def _any_byte_op(rng: random.Random, here: int) -> list[int]:
-    f = rng.choice(_SFRS) if rng.random() < 0.3 else rng.choice(_RAM)
+    f = rng.choice(_SFRS) if rng.random() < 0.3 else rng.choice(RAM)
     if f == 2:
         return [encode("MOVF", f=2, d=0)]
     return [encode(rng.choice(_BYTE_OPS), f=f, d=rng.randrange(2))]
 
 
-def _literal(rng: random.Random, here: int) -> list[int]:
+def literal(rng: random.Random, here: int) -> list[int]:
     return [encode(rng.choice(_LITERAL_OPS), k=rng.randrange(256))]
 
 
 def _store(rng: random.Random, here: int) -> list[int]:
-    f = rng.choice((1, 4, 5, 6, 6, 8, 9, *_RAM))
+    f = rng.choice((1, 4, 5, 6, 6, 8, 9, *RAM))
     return [encode("MOVLW", k=rng.randrange(256)), encode("MOVWF", f=f)]
 
 
-def _bit(rng: random.Random, here: int) -> list[int]:
+def bit(rng: random.Random, here: int) -> list[int]:
     name = rng.choice(("BCF", "BSF", "BTFSC", "BTFSS"))
-    return [encode(name, f=rng.choice((3, 5, 6, 0x0B, *_RAM)), b=rng.choice((0, 1, 2, 5, 7)))]
+    return [encode(name, f=rng.choice((3, 5, 6, 0x0B, *RAM)), b=rng.choice((0, 1, 2, 5, 7)))]
 
 
 def _delay(rng: random.Random, here: int) -> list[int]:
-    a, b = rng.sample(_RAM, 2)
+    a, b = rng.sample(RAM, 2)
     load = [encode("MOVLW", k=rng.choice((1, 2, 7, 50, 255, 0))), encode("MOVWF", f=a)]
     inner = here + 2
     kind = rng.randrange(5)
@@ -150,21 +150,21 @@ def _wait(rng: random.Random, here: int) -> list[int]:
     if kind == 1:
         return [encode("NOP"), encode("BTFSC", f=6, b=rng.randrange(8)), encode("GOTO", k=here)]
     if kind == 2:
-        return [encode("BTFSS", f=rng.choice(_RAM), b=rng.randrange(8)), encode("GOTO", k=here)]
+        return [encode("BTFSS", f=rng.choice(RAM), b=rng.randrange(8)), encode("GOTO", k=here)]
     if kind == 3 and rng.random() < 0.4:
         clear = [encode("CLRWDT")] if rng.random() < 0.5 else []
         return [*clear, encode("GOTO", k=here)]
     if kind == 4:
         body = rng.choices([encode("CLRWDT"), encode("NOP")], k=rng.randrange(1, 4))
-        return [*body, encode("BTFSS", f=rng.choice((0x0B, *_RAM)), b=2), encode("GOTO", k=here)]
+        return [*body, encode("BTFSS", f=rng.choice((0x0B, *RAM)), b=2), encode("GOTO", k=here)]
     return [encode("CLRWDT")]
 
 
-def _sleep(rng: random.Random, here: int) -> list[int]:
+def sleep(rng: random.Random, here: int) -> list[int]:
     return [encode("SLEEP"), encode("NOP")] if rng.random() < 0.5 else [encode("CLRWDT")]
 
 
-def _eeprom(rng: random.Random, here: int) -> list[int]:
+def eeprom(rng: random.Random, here: int) -> list[int]:
     bank1 = encode("BSF", f=3, b=5)
     write = [encode("MOVLW", k=0x55), encode("MOVWF", f=9), encode("MOVLW", k=0xAA), encode("MOVWF", f=9)]
     if rng.random() < 0.2:
@@ -173,7 +173,7 @@ def _eeprom(rng: random.Random, here: int) -> list[int]:
     return [bank1, *start, encode("BSF", f=8, b=0), encode("BCF", f=3, b=5)]
 
 
-def _subroutine(rng: random.Random, here: int) -> list[int]:
+def subroutine(rng: random.Random, here: int) -> list[int]:
     return [
         encode("CALL", k=here + 2),
         encode("GOTO", k=here + 4),
@@ -193,7 +193,7 @@ def _table(rng: random.Random, here: int) -> list[int]:
 
 
 def _indirect(rng: random.Random, here: int) -> list[int]:
-    to = rng.choice((*_RAM, 0x05, 0x06, 0x8B, 0xA0, 0x81, 0x00, 0x50, 0x07))
+    to = rng.choice((*RAM, 0x05, 0x06, 0x8B, 0xA0, 0x81, 0x00, 0x50, 0x07))
     return [
         encode("MOVLW", k=to),
         encode("MOVWF", f=4),
@@ -201,18 +201,18 @@ def _indirect(rng: random.Random, here: int) -> list[int]:
     ]
 
 
-_PIECES = (
+PIECES = (
     _any_byte_op,
     _any_byte_op,
-    _literal,
+    literal,
     _store,
-    _bit,
+    bit,
     _delay,
     _delay,
     _wait,
-    _sleep,
-    _eeprom,
-    _subroutine,
+    sleep,
+    eeprom,
+    subroutine,
     _table,
     _indirect,
 )

@@ -5,6 +5,7 @@ Programs are assembly, so that times follow from the data sheet's cycles, which 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from fractions import Fraction
@@ -28,6 +29,7 @@ from servogen.testing.signals import Signals
 from servogen.testing.targets import BenchRun, SeenPins
 from servogen.testing.waves import wave_lines
 from servogen.units import Clock, Cycles
+from servogen.verify.measurement import time_words
 from tests.simulator.helpers import CLOCK, HEAD, WATCHDOG_OFF
 
 OUTPUTS = " bsf STATUS, RP0\n clrf TRISB\n bcf STATUS, RP0\n"
@@ -335,9 +337,9 @@ def test_more_edges_than_a_test_can_look_at_are_refused(monkeypatch: pytest.Monk
     monkeypatch.setattr(chip_module, "MAX_EDGES", 100)
     chip = chip_of(blinker())
     chip.run_cycles(1000)
-    with pytest.raises(InputError, match=r"edges since power-up, more than 100"):
+    with pytest.raises(InputError, match=r"the pins have \d+ edges since power-up, more than 100") as refused:
         chip.widths("RB0")
-    monkeypatch.setattr(chip_module, "MAX_EDGES", chip._machine.machine.edges_made)
+    monkeypatch.setattr(chip_module, "MAX_EDGES", int(str(refused.value).split(" edges")[0].split()[-1]))
     assert set(chip.widths("RB0")) == {1}
 
 
@@ -377,11 +379,13 @@ def test_a_button_is_not_released_while_it_still_bounces(hold_ms: float) -> None
 
 
 def test_the_time_of_a_chip_on_the_bench_is_that_of_its_runs() -> None:
-    board = cast(Player, SimpleNamespace(wiring=input_wiring(["RA4=17"])))
-    chip = SeenChip("bench", Clock(4_000_000), board)
+    player = SimpleNamespace(wiring=input_wiring(["RA4=17"]), play=lambda run: [])
+    chip = SeenChip("bench", Clock(4_000_000), cast(Player, player))
     assert (chip.ms, chip.us) == (0, 0)
-    chip._past_ms, chip._length_ms = 40, 2  # a run that has been seen, and one that is being prepared
-    assert (chip.ms, chip.us) == (42, 42_000)
+    chip.run_ms(40)
+    chip.pieces()
+    chip.run_ms(2)
+    assert (chip.ms, chip.us) == (42, 42_000), "a run that was seen, and one that is being prepared"
 
 
 def test_what_is_due_after_a_run_on_the_bench_is_played_in_a_later_one() -> None:
@@ -476,11 +480,12 @@ def test_a_contact_bounces_at_the_same_moments_on_the_bench() -> None:
         assert found[: len(changes)] == [(round(cycle / 1000), now) for cycle, now in changes]
         chip = chip_of("wait goto wait\n", inputs={"RB0": 1, "RB4": 0})
         act(chip)
-        busy = chip._busy[frozenset((5, 9))] if frozenset((5, 9)) in chip._busy else chip._busy[5]
         if len(found) > len(changes):
             changes = contact_changes(CLOCK, 70_000, 1 - level, 60, 5, seed + 1)
             assert found[-len(changes) :] == [(round(cycle / 1000), now) for cycle, now in changes]
-        assert busy == changes[-1][0]
+        until = re.escape(time_words(changes[-1][0], CLOCK))
+        with pytest.raises(InputError, match=f"still changes from outside until {until}, and it is 0 µs now"):
+            act(chip)
 
 
 def test_what_is_under_way_is_not_interrupted() -> None:

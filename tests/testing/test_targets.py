@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -204,29 +204,41 @@ def test_a_capture_without_a_schedule_is_repeated_with_more_memory_until_it_is_l
     assert (error.value.code, len(full.asked)) == ("analyser-memory", 5)
 
 
-def test_a_run_is_looked_at_for_its_time_and_its_inputs_delay(tmp_path: Path) -> None:
+def with_adapter(made: Bench, monkeypatch: pytest.MonkeyPatch, adapter: Adapter) -> Adapter:
+    """Return what drives a bench's inputs from now on."""
+    monkeypatch.setattr(targets, "opened", lambda ports: nullcontext(adapter))
+    made.inputs = InputPorts("/dev/ttyACM1", InputWiring({}))
+    made.adapter()
+    return adapter
+
+
+def test_a_run_is_looked_at_for_its_time_and_its_inputs_delay(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Half a second, and twice the memory for its edges: 325 a second at first, of the 1300 of a plan."""
     for scheduler, late in ((True, 0.003), (False, 0.05)):
         made = bench(tmp_path, 0.2)
-        made._adapter = cast(Any, Adapter(scheduler))
+        adapter = with_adapter(made, monkeypatch, Adapter(scheduler))
         made.play(BenchRun(MHZ4, 0.1))
         assert made.asked == pytest.approx([0.5 + (0.1 + late) * 2 / 4])
-        assert cast(Any, made._adapter).calls == [("stop",), ("apply",), ("load", [], 100)]
+        assert adapter.calls == [("stop",), ("apply",), ("load", [], 100)]
         assert made.edges_per_s == pytest.approx(101 / 0.1), "as many as were seen in the run"
-        assert made.settings.armed == cast(Any, made._adapter).start
+        assert made.settings.armed == adapter.start
 
 
-def test_a_run_that_may_be_repeated_is_until_the_memory_suffices(tmp_path: Path) -> None:
+def test_a_run_that_may_be_repeated_is_until_the_memory_suffices(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     made = bench(tmp_path, 0.05, 0.1, every=100)
-    made._adapter = cast(Any, Adapter())
+    with_adapter(made, monkeypatch, Adapter())
     made.play(BenchRun(MHZ4, 0.1, repeatable=True))
     assert made.asked == pytest.approx([0.5 + 0.103 * 2 / 4, 0.5 + 0.103 * 2 * 10_000 / 1300])
     once = bench(tmp_path, 0.05)
-    once._adapter = cast(Any, Adapter())
+    with_adapter(once, monkeypatch, Adapter())
     with pytest.raises(InputError, match="was full after 50 ms, not 100 ms"):
         once.play(BenchRun(MHZ4, 0.1))
     tired = bench(tmp_path, *[0.05] * 5)
-    tired._adapter = cast(Any, Adapter())
+    with_adapter(tired, monkeypatch, Adapter())
     with pytest.raises(InputError, match="analyser"):
         tired.play(BenchRun(MHZ4, 0.1, repeatable=True))
     assert len(tired.asked) == 5
@@ -255,8 +267,7 @@ def test_a_chip_is_programmed_once_unless_it_writes_its_eeprom(
     with pytest.raises(InputError, match="nothing says which chip it is for"):
         made.load(IMAGE)
     made.built_for = "PIC16F84A"
-    adapter = Adapter()
-    made._adapter = cast(Any, adapter)
+    adapter = with_adapter(made, monkeypatch, Adapter())
     for image in (IMAGE, IMAGE, WRITES, WRITES, IMAGE):
         made.load(image)
     assert flashed == [IMAGE, WRITES, WRITES, IMAGE]
@@ -265,7 +276,8 @@ def test_a_chip_is_programmed_once_unless_it_writes_its_eeprom(
     with pytest.raises(InputError, match="no configuration word"):
         made.load(Image({0: 0x2800}))
     made.close()
-    assert made._adapter is None
+    made.load(WRITES)
+    assert len(adapter.calls) == 5, "once more as the bench was closed, and then no more"
     with pytest.raises(InputError, match="no programmer is named"):
         Bench("/dev/ttyACM0", None, None, None, tmp_path).load(IMAGE)
     with pytest.raises(InputError, match="no programmer of this run knows the chip's EEPROM"):
@@ -391,11 +403,11 @@ def test_the_eeprom_is_read_of_the_image_on_the_chip_while_no_input_is_driven(
 
     monkeypatch.setattr(targets, "find", lambda name: name)
     monkeypatch.setattr(targets, "read_eeprom", read_eeprom)
-    adapter = Adapter()
     made = Bench("/dev/ttyACM0", "picpro", "/dev/ttyUSB0", "PIC16F84", tmp_path, on_chip=IMAGE)
     made.built_for = "PIC16F84A"  # --servogen-device comes first
-    made._adapter = cast(Any, adapter)
+    adapter = with_adapter(made, monkeypatch, Adapter())
     assert made.eeprom() == b"\x12"
     assert asked == ["picpro", "eeprom.hex", "PIC16F84", "/dev/ttyUSB0", IMAGE, [("release",)]]
-    made._adapter = None
-    assert made.eeprom() == b"\x12", "nothing to let go of"
+    made.close()
+    assert made.eeprom() == b"\x12"
+    assert len(adapter.calls) == 2, "nothing to let go of once the bench was closed"

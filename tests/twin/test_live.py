@@ -1,17 +1,17 @@
-"""Snapshots of a live twin, with a world that only counts its steps: no physics runs."""
+"""A world that follows a chip, with a world that only counts its steps: no physics runs."""
 
 from __future__ import annotations
 
 from fractions import Fraction
 from itertools import pairwise
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
 from servogen.edges import PINS, EdgeChunk, edge_chunk
 from servogen.errors import InputError
 from servogen.twin import live
-from servogen.twin.live import LiveTwin
+from servogen.twin.live import FollowedWorld
 from servogen.twin.pulses import PulseReceiver, ReceivedPulse
 from servogen.units import Clock
 
@@ -48,21 +48,17 @@ class World:
         self.restored.append(self.step)
 
 
-def twin(rows: list[Row]) -> tuple[LiveTwin, World, list[tuple[int, int]]]:
-    """A twin of one servo on RB0, and the spans of cycles that it asked for."""
-    made: Any = LiveTwin.__new__(LiveTwin)
-    world, asked = World(), []
+def twin(rows: list[Row]) -> tuple[FollowedWorld, World, list[tuple[int, int]]]:
+    """A world with one servo on RB0, and the spans of cycles that it asked for."""
+    world, asked = World(), list[tuple[int, int]]()
 
     def edges(begin: int, end: int) -> EdgeChunk:
         asked.append((begin, end))
         inside = [row for row in rows if begin <= row[0] < end]
         return edge_chunk(*zip(*inside, strict=True)) if inside else edge_chunk((), (), ())
 
-    made._world, made._edges = world, edges
-    made._receiver = PulseReceiver([PINS.index("RB0")], MHZ4, Fraction(1, 1000))
-    made._waiting, made._coarse, made._kept, made._at = [], live.SPACING, {}, []
-    made._keep()
-    return made, world, asked
+    receiver = PulseReceiver([PINS.index("RB0")], MHZ4, Fraction(1, 1000))
+    return FollowedWorld(cast(Any, world), receiver, edges), world, asked
 
 
 PULSES = [row for begin in range(500, 900_000, 20_000) for row in ((begin, 5, 1), (begin + 1500, 5, 0))]
@@ -84,7 +80,7 @@ def test_a_moment_is_the_same_whichever_way_it_is_reached() -> None:
         assert made.step == cycle // 1000
         assert made.cycle == 1000 * (cycle // 1000)
         assert world.heard == straight(made.step)
-    assert made._at == list(range(0, 701, 100))
+    assert made.kept == list(range(0, 701, 100))
     assert made.snapshots == 8
 
 
@@ -121,8 +117,7 @@ def test_what_followed_from_a_changed_past_is_dropped() -> None:
     made, world, _ = twin(PULSES)
     made.follow(550_000)
     made.forget(300_000)  # the edges of the cycle itself act later than the snapshot at its step
-    assert made._at == [0, 100, 200, 300]
-    assert sorted(made._kept) == made._at
+    assert made.kept == [0, 100, 200, 300]
     assert made.step == 300
     made.follow(320_000)
     made.forget(320_000)
@@ -130,7 +125,7 @@ def test_what_followed_from_a_changed_past_is_dropped() -> None:
     made.forget(319_999)
     assert made.step == 300
     made.forget(299_999)
-    assert (made.step, made._at) == (200, [0, 100, 200])
+    assert (made.step, made.kept) == (200, [0, 100, 200])
     assert world.heard == straight(200)
 
 
@@ -153,16 +148,15 @@ def test_old_snapshots_are_thinned_out_to_three_quarters(monkeypatch: pytest.Mon
     monkeypatch.setattr(live, "RECENT", 500)
     made, world, _ = twin([])
     made.follow(1_900_000)
-    assert made._at == list(range(0, 2000, 100)), "twenty of them fit"
+    assert made.kept == list(range(0, 2000, 100)), "twenty of them fit"
     made.follow(2_000_000)
     old = list(range(0, 1500, 200))
-    assert made._at == [*old, *range(1500, 2001, 100)]
-    assert sorted(made._kept) == made._at
-    assert len(made._at) <= 15
+    assert made.kept == [*old, *range(1500, 2001, 100)]
+    assert len(made.kept) <= 15
     made.follow(1_350_000)
     assert world.restored == [1200]
     assert made.step == 1350
-    assert 1300 in made._at, "what is calculated again is kept again"
+    assert 1300 in made.kept, "what is calculated again is kept again"
 
 
 def test_physics_that_diverges_is_an_error() -> None:

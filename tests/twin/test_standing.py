@@ -112,7 +112,7 @@ def test_sensors_read_the_bodies_at_their_thresholds(walk: PlannedJob) -> None:
 def test_a_film_shows_the_bodies_where_they_are_and_their_heading(walk: PlannedJob) -> None:
     live = LiveTwin(walk, walk.clock, lambda begin, end: edge_chunk((), (), ()))
     assert live.floating and live.legs == [mount.name for mount in walk.robot.mounts]  # type: ignore[union-attr]
-    data = live._world.data
+    data = live.world.data
     yaw, pitch, roll = 2.2, 0.1, -0.2
     turn = rot("z", yaw) @ rot("y", pitch) @ rot("x", roll)
     half = [np.array([math.cos(angle / 2), math.sin(angle / 2)]) for angle in (yaw, pitch, roll)]
@@ -133,7 +133,7 @@ def test_a_film_shows_the_bodies_where_they_are_and_their_heading(walk: PlannedJ
     placed = own @ turn.T + [0.3, -0.2, 0.5] - tip  # the lowest point of the tip's ball
     assert seen.feet == pytest.approx(placed, abs=1e-9)
     assert seen.force.tolist() == [0.0] * 6 and seen.seconds == 0.0
-    mujoco().mj_forward(live._world.model, data)
+    mujoco().mj_forward(live.world.model, data)
     for leg, foot, part in zip(live.legs, placed, seen.lines[-6:], strict=True):
         joints = [data.body(f"{leg}_{name}").xpos for name in ("coxa", "thigh", "foot")]
         assert np.array(part.frames)[0] == pytest.approx(np.array([*joints, foot]))

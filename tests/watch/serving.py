@@ -26,7 +26,7 @@ class Running:
     ) -> None:
         assert (load is None) != (server is None)
         self.server = server or WatchServer({"": Room(load, editor)} if load else {})
-        self.server._token = token or self.server._token
+        self.server.token = token or self.server.token
         self._loop = asyncio.new_event_loop()
         ready = threading.Event()
         self._task = self._loop.create_task(self.server.run(port, lambda url: ready.set()))

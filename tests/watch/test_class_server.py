@@ -23,7 +23,7 @@ from websockets.sync.client import ClientConnection
 from servogen.grade import Submission, load_lab, page_names
 from servogen.programs import read_submission
 from servogen.watch import server as module
-from servogen.watch.graded import _subject, class_pages, class_rooms
+from servogen.watch.graded import class_pages, class_rooms, watched_program
 from servogen.watch.server import WatchServer
 from servogen.workflows.grading import Graded, GradingTask, grade_submissions
 from tests.bench.conftest import Run, run  # noqa: F401 - a fixture
@@ -69,7 +69,7 @@ def task() -> GradingTask:
 
 def test_it_is_said_that_a_program_is_being_compiled(graded: list[Graded]) -> None:
     said: list[str] = []
-    assert _subject(task(), graded[0], "ana.html", said.append).image.program
+    assert watched_program(task(), graded[0], "ana.html", said.append).image.program
     assert said == ["compiling"]
 
 
@@ -259,7 +259,7 @@ def test_only_some_programs_are_loaded_at_a_time(running: Running, monkeypatch: 
         with running.socket(room="watch/1/") as second:
             second.send(json.dumps({"window": ""}))
             assert "1 programs are open: close one" in status(second)["text"]
-    wait(lambda: not running.server._rooms["watch/0"].watched)
+    wait(lambda: not running.server.rooms["watch/0"].watched)
     with running.socket(room="watch/1/") as again:
         again.send(json.dumps({"window": ""}))
         assert status(again)["name"] == "dan/main.c"

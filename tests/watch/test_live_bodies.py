@@ -118,19 +118,18 @@ def test_a_moment_has_the_same_bodies_whichever_way_it_is_reached(
     monkeypatch.setattr(module, "SPACING", 7)
     dice = random.Random(1)
     cycles = sorted(dice.randrange(end) for end in (4 * S, 20_000, 60_000) for _ in range(10))
-    straight, back_and_forth = twin_of(WatchSession(walk)), twin_of(WatchSession(walk))
     session = WatchSession(walk)
     assert session.chip is not None
     session.chip.seek(4 * S)
-    straight._edges = back_and_forth._edges = session.chip.edges
+    straight, back_and_forth = twin_of(session), twin_of(session)
     expected = {}
     for cycle in cycles:
-        assert straight.follow(cycle) and straight.step == cycle // 1000
+        assert straight.history.follow(cycle) and straight.history.step == cycle // 1000
         expected[cycle] = numbers(straight)
     assert len(set(expected.values())) > 20
     dice.shuffle(cycles)
     for cycle in cycles:
-        back_and_forth.follow(cycle)
+        back_and_forth.history.follow(cycle)
         assert numbers(back_and_forth) == expected[cycle], cycle
 
 
@@ -145,14 +144,16 @@ def test_snapshots_are_thinned_out_and_the_past_stays_the_same(
     twin = LiveTwin(walk.job, walk.clock, session.chip.edges)  # type: ignore[arg-type]
     early = []
     for cycle in (1_550_000, *range(1_600_000, 3 * S + 1, 100_000)):
-        twin.follow(cycle)
+        twin.history.follow(cycle)
         early = [*early[:1], numbers(twin)]
-        assert {step for step in range(0, twin.step + 1, 100) if step >= twin.step - 500} <= set(twin._at)
-    assert twin.snapshots <= 12  # 30 are due
-    twin.follow(1_550_000)
+        assert {
+            step for step in range(0, twin.history.step + 1, 100) if step >= twin.history.step - 500
+        } <= set(twin.history.kept)
+    assert twin.history.snapshots <= 12  # 30 are due
+    twin.history.follow(1_550_000)
     assert numbers(twin) == early[0] != early[1]
-    twin.follow(0)
-    assert twin.step == 0
+    twin.history.follow(0)
+    assert twin.history.step == 0
 
 
 def test_bodies_that_are_too_slow_say_how_far_behind_they_are(walk: Subject) -> None:

@@ -159,13 +159,13 @@ def test_bodies_that_cannot_be_followed_are_shown_no_more(monkeypatch: pytest.Mo
     of = session(ROWS, 100)
     assert answer(of, do="bodies", on=True) == {"is": "bodies-model", "model": "a model"}
     bodies: Any = of.bodies
-    assert bodies.of == (of.subject, of._place) and of.model()["bodies"] == "a model"
+    assert bodies.of == (of.subject, of.place) and of.model()["bodies"] == "a model"
     answer(of, do="bodies", on=True)
     assert of.bodies is bodies, "they are followed already"
     # Another version has its own, if it has any.
     fresh = of.continued(session(ROWS, 90).subject)
     follower: Any = fresh.bodies
-    assert follower.of == (fresh.subject, fresh._place)
+    assert follower.of == (fresh.subject, fresh.place)
     without = session(ROWS, 90, title="none")
     assert of.continued(without.subject).bodies is None
     refused = answer(without, do="bodies", on=True)

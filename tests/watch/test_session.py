@@ -658,7 +658,7 @@ def test_the_buttons_of_a_job_have_names() -> None:
     def inputs(commands: Any, start: Any = None, stop: Any = None) -> list[tuple[str, str, int]]:
         buttons = SimpleNamespace(start=start, stop=stop)
         subject: Any = SimpleNamespace(job=SimpleNamespace(buttons=buttons, commands=commands))
-        return [(each["name"], each["pin"], each["pressed"]) for each in session_module._inputs(subject)]
+        return [(each["name"], each["pin"], each["pressed"]) for each in session_module.buttons_of(subject)]
 
     ra2, rb7 = ButtonPin("RA2", 0), ButtonPin("RB7", 1)
     assert inputs(None) == [] and inputs(None, ra2) == [("start", "RA2", 0)]
@@ -813,7 +813,7 @@ def test_every_request_is_answered_within_half_a_second() -> None:
     """Of a program without an edge and without a line, after a minute: each search has an end."""
     session = WatchSession(Subject(Path("x.hex"), Clock(4_000_000), image=Image({0: 0x2800})))
     answer(session, do="seek", cycle=60 * 10**6)
-    while session._way is not None:
+    while session.on_the_way:
         list(session.tick(0.066))
     for what, times in itertools.product(STEPS, (-10_000, -1, 1, 10_000)):
         begin = time.process_time()
