@@ -173,7 +173,7 @@ def run_each(
 
 def can_fork() -> bool:
     """Return whether this system can do work in a separate process."""
-    return hasattr(os, "fork") and _resource is not None
+    return hasattr(os, "fork") and unix_limits is not None
 
 
 def each_here(works: Sequence[Callable[[], T]]) -> Iterator[tuple[int, T | Exception]]:
@@ -189,9 +189,9 @@ def _in_this_process(work: Callable[[], T]) -> T | Exception:
 
 
 try:
-    import resource as _resource
+    import resource as unix_limits
 except ImportError:  # Windows
-    _resource = None  # type: ignore[assignment]
+    unix_limits = None  # type: ignore[assignment]
 
 _LENGTH = struct.Struct("<Q")
 _OUT_OF_MEMORY = b"memory"
@@ -355,10 +355,10 @@ def _set_limits(limits: WorkLimits) -> None:
 
 def _limit(name: str, value: int, beyond: int = 0) -> None:
     """Set a limit, and the hard limit to `beyond` more; limits that are already lower stay."""
-    number = getattr(_resource, name)
-    _, hard = _resource.getrlimit(number)
-    most = value + beyond if hard == _resource.RLIM_INFINITY else min(value + beyond, hard)
-    _resource.setrlimit(number, (min(value, most), most))
+    number = getattr(unix_limits, name)
+    _, hard = unix_limits.getrlimit(number)
+    most = value + beyond if hard == unix_limits.RLIM_INFINITY else min(value + beyond, hard)
+    unix_limits.setrlimit(number, (min(value, most), most))
 
 
 def _memory_used() -> tuple[int, int] | None:

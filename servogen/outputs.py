@@ -121,7 +121,7 @@ def _staging_folder(parent: Path, target: Path, shown: Path) -> Iterator[Path]:
             if os.name != "posix":
                 break
             with suppress(FileNotFoundError):  # another process may remove it as soon as it exists
-                locked = _lock(held.enter_context(_held(os.open(staging, os.O_RDONLY))), staging)
+                locked = lock_part(held.enter_context(_held(os.open(staging, os.O_RDONLY))), staging)
         yield staging
 
 
@@ -149,7 +149,7 @@ def _exchanged(staging: Path, target: Path, names: Collection[str]) -> bool:
         for entry in _others(target, names):
             if entry.is_symlink() or not entry.is_dir():
                 os.link(entry, staging / entry.name, follow_symlinks=False)
-        _exchange(staging, target)
+        exchange_folders(staging, target)
     except OSError:
         return False
     return True
@@ -226,7 +226,7 @@ def _held(handle: int) -> Iterator[int]:
         os.close(handle)
 
 
-def _lock(handle: int, path: Path) -> bool:
+def lock_part(handle: int, path: Path) -> bool:
     """Lock a new part as long as it is open; return False if a process that cleans up has removed it."""
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -248,7 +248,7 @@ def _is_part_of(entry: str, name: str) -> bool:
     return re.fullmatch(rf"\.{re.escape(name)}\.[0-9a-f]{{8}}{re.escape(PART)}", entry) is not None
 
 
-def _exchange(first: Path, second: Path) -> None:
+def exchange_folders(first: Path, second: Path) -> None:
     """Exchange the names of two folders in one step.
 
     Raises OSError if the file system or the operating system cannot do that.
@@ -317,7 +317,7 @@ def _open_part(target: Path, mode: str, text: dict[str, str]) -> tuple[Path, IO[
     while True:
         name = _part_name(target)
         file: IO[Any] = name.open(mode.replace("w", "x"), **text)  # type: ignore[call-overload]
-        if os.name != "posix" or _lock(file.fileno(), name):
+        if os.name != "posix" or lock_part(file.fileno(), name):
             return name, file
         file.close()
 

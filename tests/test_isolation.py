@@ -226,7 +226,7 @@ def test_a_system_without_these_limits_is_named(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(isolation.sys, "platform", "darwin")
     assert "darwin does not limit the memory" in isolation.missing_limits()
     monkeypatch.setattr(isolation.sys, "platform", "win32")
-    monkeypatch.setattr(isolation, "_resource", None)
+    monkeypatch.setattr(isolation, "unix_limits", None)
     assert "win32 cannot limit the memory and the open files" in isolation.missing_limits()
     assert run(os.getpid, WorkLimits()) == os.getpid()
 
@@ -318,7 +318,7 @@ def test_a_system_that_cannot_fork_does_the_work_in_this_process(monkeypatch: py
     def fails() -> None:
         raise InputError("wrong", "is wrong")
 
-    monkeypatch.setattr(isolation, "_resource", None)
+    monkeypatch.setattr(isolation, "unix_limits", None)
     assert not isolation.can_fork()
     works: list[Callable[[], object]] = [os.getpid, fails, lambda: 3]
     (zero, own), (one, error), (two, three) = run_each(works, WorkLimits())

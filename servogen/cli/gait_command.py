@@ -246,7 +246,7 @@ def gait(
     if json:
         as_json(walk_to_json(walker, rhythm, planned_walk, facts, loads), warnings)
     else:
-        _show_walk(walker, rhythm, planned_walk, facts)
+        show_walk(walker, rhythm, planned_walk, facts)
         if files.csv or files.picture or files.animate:
             print(next_step("new", "--robot", robot) if robot in KINDS else next_step("robots", robot))
         warn_of_all(warnings)
@@ -316,7 +316,7 @@ def _write_walk(
             film(walk_scene(robot, planned_walk), files.animate)
 
 
-def _show_walk(robot: WalkingRobot, rhythm: Gait, planned_walk: Walk, facts: GaitFacts) -> None:
+def show_walk(robot: WalkingRobot, rhythm: Gait, planned_walk: Walk, facts: GaitFacts) -> None:
     """Print the gait's table, the joints', stability and springs."""
     lines = diagram(rhythm)
     table(

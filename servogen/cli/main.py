@@ -84,7 +84,7 @@ def main() -> None:
     stream = sys.stdout
     output = _Output(stream, stdout_closed)
     sys.stdout, sys.stderr = output, _Messages(sys.stderr)
-    code = _run()
+    code = run_command()
     if sys.stdout is not output:  # what typer does, with exit code 1, where any pipe is broken
         code = NOBODY_READS
     try:
@@ -123,7 +123,7 @@ def _open_closed_streams() -> bool:
     return was_closed
 
 
-def _run() -> int:
+def run_command() -> int:
     """Run one command and return its exit code."""
     if sys.argv[1:] == ["--version"]:
         print(f"servogen {__version__}")

@@ -140,7 +140,7 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
     """
     settings = PragmaSettings(options.device, reporter)
     blocks: list[AsmBlock] = []
-    files = [_read(source, options, reporter, blocks, number) for number, source in enumerate(sources)]
+    files = [read_source(source, options, reporter, blocks, number) for number, source in enumerate(sources)]
     # before the analysis, which turns delays into cycles
     clock = _clock([preprocessed for preprocessed, _ in files], options, settings)
     numbers = count(len(files))
@@ -151,7 +151,7 @@ def _compile(sources: Sequence[Source], options: Options, reporter: Reporter) ->
         blocks,
         settings,
         clock,
-        lambda name: _read(
+        lambda name: read_source(
             Source(library.source(name), f"<{name}>"), options, reporter, blocks, next(numbers)
         ),
         float_type(options.dialect, options.float_bits),
@@ -261,7 +261,7 @@ class _Dump:
         return "\n".join(self._texts[name] for name in functions if name in self._texts)
 
 
-def _read(
+def read_source(
     source: Source, options: Options, reporter: Reporter, blocks: list[AsmBlock], number: int
 ) -> tuple[Preprocessed, Rewritten]:
     """Preprocess a file and rewrite the dialect's extensions; `number` keeps generated names distinct."""

@@ -33,7 +33,7 @@ class RenderError(ServogenError):
 def render_template(template: str, **values: object) -> str:
     """Return the text of a template. Raises RenderError with the template's name and line."""
     try:
-        return _environment().get_template(template).render(**values)
+        return environment().get_template(template).render(**values)
     except TemplateError as error:
         raise RenderError(
             "internal-error", error.message or "the template is wrong", _template_place(error)
@@ -69,7 +69,7 @@ def assembly(text: str) -> Iterator[AsmLine]:
 
 
 @cache
-def _environment() -> Environment:
+def environment() -> Environment:
     return Environment(
         loader=FileSystemLoader(template_folder()),
         undefined=StrictUndefined,

@@ -399,7 +399,7 @@ class TimedProgram:
         if start not in self._read:
             places = 0
             for address in self.reached(start):
-                places |= _uses_and_kills(self.word(address))[0]
+                places |= uses_and_kills(self.word(address))[0]
             self._read[start] = places
         return self._read[start]
 
@@ -501,7 +501,7 @@ class TimedProgram:
             word = self.word(address)
         except Undefined:
             return None
-        uses, kills = _uses_and_kills(word)
+        uses, kills = uses_and_kills(word)
         if word.flow == "call":
             return (word.k,), None, uses, kills
         if word.flow == "return" or word.writes_pcl:
@@ -519,7 +519,7 @@ def is_live(place: int, live: int) -> bool:
 
 
 @cache
-def _uses_and_kills(word: DecodedWord) -> tuple[int, int]:
+def uses_and_kills(word: DecodedWord) -> tuple[int, int]:
     """Return what an instruction reads, and what it overwrites entirely, as bit sets."""
     uses = kills = 0
     if "W" in word.reads:

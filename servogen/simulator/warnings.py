@@ -28,7 +28,7 @@ from servogen.simulator import layout as at
 from servogen.simulator.layout import GLITCH
 from servogen.units import Clock
 
-_WORDS = {
+WORDS = {
     at.WARN_DRIVEN_UNWRITTEN: (
         "driven-before-written",
         "{pins}: an output while its latch holds no known level, and not written low within 10 cycles and "
@@ -123,7 +123,7 @@ def warnings_of(
     dated = [(0, warning) for warning in _oscillator(image, clock)] + list(remarks)
     dated += [(int(s[at.USE_CYCLE]), warning) for warning in _first_use(s)]
     for (code, cycle, place, subject), pins in places.items():
-        kind, text = _WORDS[code]
+        kind, text = WORDS[code]
         message = text.format(pins=", ".join(sorted(pins)), address=f"0x{subject:03X}")
         dated.append((cycle, Diagnostic("warning", kind, message, _at(cycle, place))))
     return tuple(diagnostic for _, diagnostic in sorted(dated, key=lambda dated_warning: dated_warning[0]))

@@ -212,7 +212,7 @@ def servogen_program(request: pytest.FixtureRequest) -> Program:
     """Return the program under test, compiled or assembled if it is C or assembly."""
     path = _required(request.node, "image")
     _tested(request.node, path)
-    return _program(request.node, path)
+    return program_of(request.node, path)
 
 
 @pytest.fixture
@@ -239,14 +239,14 @@ def servogen_target(request: pytest.FixtureRequest) -> Target:
         wires = wires_of(request.config.getoption("servogen_wire"))
         target = Replay(request.config.invocation_params.dir / replay, _name(request.node), wires)
     elif request.config.getoption("servogen_target") == "bench":
-        target = _bench(request)
+        target = bench_of(request)
     else:
         target = Simulator()
     request.node.user_properties.append(("servogen_target", target.name))
     return target
 
 
-def _bench(request: pytest.FixtureRequest) -> Bench:
+def bench_of(request: pytest.FixtureRequest) -> Bench:
     """Return this run's bench, one for all tests, so that no program is programmed twice."""
     from servogen.bench.inputs.wiring import input_wiring
     from servogen.testing.signals import pin_index
@@ -286,7 +286,7 @@ def servogen_capture(request: pytest.FixtureRequest, servogen_target: Target) ->
         _state(node, "servogen_program", ON_THE_CHIP)
     elif not isinstance(servogen_target, Replay):
         program = request.getfixturevalue("servogen_program")
-    clock = schedule.clock if schedule else _clock(node, program)
+    clock = schedule.clock if schedule else clock_for(node, program)
     stimuli = _stimuli(node, _mark(node).get("stimulus"), clock)
     built_for = schedule.device if schedule else program.device if program else None
     if isinstance(servogen_target, Bench):
@@ -336,7 +336,7 @@ def servogen_machine(
         options: SimulatorOptions | None = None,
     ) -> Chip:
         path = _required(node, "image") if program is None else _beside(node, Path(program))
-        made = _program(node, path, device)
+        made = program_of(node, path, device)
         if isinstance(servogen_target, Bench) and servogen_target.programmer is None:
             _state(node, "servogen_program", ON_THE_CHIP)
         elif not isinstance(servogen_target, Replay):
@@ -439,7 +439,7 @@ def _required(node: pytest.Item, key: str) -> Path:
     return path
 
 
-def _program(node: pytest.Item, path: Path, device: str | None = None) -> Program:
+def program_of(node: pytest.Item, path: Path, device: str | None = None) -> Program:
     """Return the program in a file, which is compiled once for all tests of this run."""
     from servogen.programs import read_program
 
@@ -451,12 +451,12 @@ def _program(node: pytest.Item, path: Path, device: str | None = None) -> Progra
     return known[path, device]
 
 
-def _clock(node: pytest.Item, program: Program | None) -> Clock:
+def clock_for(node: pytest.Item, program: Program | None) -> Clock:
     """Return the clock of a program without a schedule, which is read for it if it is named."""
     from servogen.programs import clock_of
 
     path = _named(node, "image") if program is None else None
-    return clock_of(program if path is None else _program(node, path))
+    return clock_of(program if path is None else program_of(node, path))
 
 
 def _schedule(node: pytest.Item, path: Path) -> PulseSchedule:

@@ -64,7 +64,7 @@ def pins_of(
 
 
 def _by_name(wires: Sequence[tuple[str, Key]]) -> list[tuple[str, Key, int]]:
-    pins = ((name, key, _pin_in(name)) for name, key in wires)
+    pins = ((name, key, pin_in(name)) for name, key in wires)
     return [(name, key, pin) for name, key, pin in pins if pin is not None]
 
 
@@ -80,7 +80,7 @@ def _as_chosen(
     return named
 
 
-def _pin_in(name: str) -> int | None:
+def pin_in(name: str) -> int | None:
     """Return the first pin in a wire's name; after it may come the name of a servo that resembles another
     pin.
     """

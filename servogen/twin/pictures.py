@@ -183,7 +183,7 @@ def twin_plot(verdict: TwinVerdict, name: str, path: Path) -> None:
     record, legs = verdict.record, _legs(verdict.record)
     figure = new_figure(12.5, 9.0, f"{name}: {verdict.word}, {record.settings.ground.text()}")
     grid = figure.add_gridspec(4, 2, width_ratios=(1, 1.5))
-    _path(figure.add_subplot(grid[:2, 0]), verdict)
+    draw_path(figure.add_subplot(grid[:2, 0]), verdict)
     rows = slice(None, None, max(1, len(record.time) // MAX_ROWS))
     time = record.time[rows]
     torque = figure.add_subplot(grid[0, 1])
@@ -242,7 +242,7 @@ def _smooth(values: Floats) -> Floats:
     return np.asarray(np.convolve(values, np.ones(width) / width, mode="same"))
 
 
-def _path(axes: Axes, verdict: TwinVerdict) -> None:
+def draw_path(axes: Axes, verdict: TwinVerdict) -> None:
     record, rigid = verdict.record, verdict.planned.rigid
     if record.floating:
         first = record.pose[record.first]

@@ -162,7 +162,7 @@ def simulate(
         rig = replace(rig, assumptions=(*rig.assumptions, *equal_rates(second[0])))
     settings = settings.following(rig)
     world.energies = Energies() if settings.energies else None
-    return _Run(job, schedule, image, lead_in_frames, settings, stimuli, rig, world, built, second).run()
+    return TwinRun(job, schedule, image, lead_in_frames, settings, stimuli, rig, world, built, second).run()
 
 
 def standing(job: PlannedJob, settings: TwinSettings) -> tuple[TwinRig, Bodies, World]:
@@ -211,7 +211,7 @@ def _stand(world: World, job: PlannedJob, rig: TwinRig, ground: Ground) -> None:
         world.place(start, float(world.data.qpos[2]) - lowest + ground.rough)
 
 
-class _Run:
+class TwinRun:
     """One run: the chip, the physics and the record as they go."""
 
     def __init__(
@@ -232,7 +232,7 @@ class _Run:
         self.lead_in_frames = lead_in_frames
         self.receiver = PulseReceiver(rig.pins(job), job.clock, settings.step_s)
         self.off = unplugged_servos(rig, settings.unplugged)
-        self.sensors = [_sensor(row, world, rig) for row in job.sensors]
+        self.sensors = [sensor_of(row, world, rig) for row in job.sensors]
         held = [Levels(pin_number(input_.pin), ((0, input_.level),)) for input_ in schedule.inputs]
         scripted = Stimuli([*held, *(stimuli.sources if stimuli else ())])
         self.feed = Feed(scripted, job.clock) if self.sensors else None
@@ -256,9 +256,9 @@ class _Run:
         """Run to the end and return the record."""
         waiting: list[ReceivedPulse] = []
         before = self.world.energy() if self.world.energies else 0.0
-        end = self._end(None)
+        end = self.end_after(None)
         step = 0
-        self._levels(0)
+        self.set_levels(0)
         while step < end:
             until = min(step + self.chunk, end)
             if self.feed is not None:
@@ -270,19 +270,19 @@ class _Run:
                     self._receive(waiting[count], step)
                     count += 1
                 if step % self.every == 0:
-                    self._sample(step)
+                    self.sample(step)
                 self.world.advance()
             del waiting[:count]
             if self.world.diverged:
                 message = f"the physics diverged before {self.world.seconds:g} s"
                 raise InputError("unstable", f"{self.job.name}: {message}")
             step = until
-            self._levels(step)
+            self.set_levels(step)
             if self.first_pulse is not None:
-                end = self._end(self.first_pulse)
+                end = self.end_after(self.first_pulse)
         if self.world.energies:
             self.world.energies.gained = self.world.energy() - before
-        return self._record()
+        return self.record()
 
     def _edges(self, cycle: int) -> Iterator[ReceivedPulse]:
         """Run the chip to a cycle and yield the pulses that ended."""
@@ -296,7 +296,7 @@ class _Run:
             self.first_pulse = step
         self.world.pulse(pulse)
 
-    def _levels(self, step: int) -> None:
+    def set_levels(self, step: int) -> None:
         """Give the sensors' levels at the beginning of a step to the chip."""
         if self.feed is None:
             return
@@ -304,7 +304,7 @@ class _Run:
             level = sensor.active if sensor.reads() else 1 - sensor.active
             self.feed.push(self.receiver.first_cycle(step), sensor.pin, level)
 
-    def _end(self, first_pulse: int | None) -> int:
+    def end_after(self, first_pulse: int | None) -> int:
         """Return the step at which the run ends."""
         per_second = 1000 * self.settings.steps_per_ms
         if self.settings.seconds is not None:
@@ -327,7 +327,7 @@ class _Run:
     def _frame_s(self) -> float:
         return float(self.schedule.clock.seconds(self.schedule.period))
 
-    def _sample(self, step: int) -> None:
+    def sample(self, step: int) -> None:
         world, data = self.world, self.world.data
         hot = world.state
         pose = data.qpos[:7] if self.floating else _AT_REST
@@ -347,7 +347,7 @@ class _Run:
         )
         self.rows.append(np.concatenate(row))
 
-    def _record(self) -> Record:
+    def record(self) -> Record:
         count, legs, rig = len(self.rig.servos), len(self.sites), self.rig
         table = np.array(self.rows)
         cuts = np.cumsum([3, 7, *[count] * 6, 3 * legs, legs, 0 if self.tool is None else 3])
@@ -393,7 +393,7 @@ class _Run:
 _AT_REST = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 
 
-def _sensor(row: SensorTable, world: World, rig: TwinRig) -> Sensor:
+def sensor_of(row: SensorTable, world: World, rig: TwinRig) -> Sensor:
     """Return a sensor of the job in this world."""
     pin, active = PINS.index(row.pin), int(row.level == "high")
     if row.kind == "foot":

@@ -270,7 +270,7 @@ class WatchSession:
             if not self.editor.goes_back:
                 yield self.moved(running=False)
         elif self.running:
-            self._run_on(min(elapsed_s, LONGEST_TICK_S))
+            self.run_on(min(elapsed_s, LONGEST_TICK_S))
             self._since_full += elapsed_s
             whole = self._since_full >= FULL_S or not self.running
             message = self.shown(whole=whole)
@@ -287,7 +287,7 @@ class WatchSession:
                 self.bodies = None
                 yield _without_bodies(error)
 
-    def _run_on(self, elapsed_s: float) -> None:
+    def run_on(self, elapsed_s: float) -> None:
         if self.recording is not None:
             self._due += elapsed_s * (self.speed or MAX_SPEED) * float(self.subject.clock.cycles_per_second)
             steps, self._due = int(self._due), self._due % 1

@@ -469,7 +469,7 @@ def _on_cluster(
         seen = time.monotonic()
         while waiting:
             finished, waiting = wait(waiting, POLL_S, FIRST_COMPLETED)
-            if finished or _has_worker(client):
+            if finished or has_worker(client):
                 seen = time.monotonic()
             elif time.monotonic() - seen > WITHOUT_WORKERS_S:
                 finished, waiting = waiting, set()
@@ -520,7 +520,7 @@ def _client(scheduler: str) -> Iterator[Any]:
         yield client
 
 
-def _has_worker(client: Any) -> bool:
+def has_worker(client: Any) -> bool:
     try:
         return bool(client.scheduler_info()["workers"])
     except OSError:

@@ -147,7 +147,7 @@ def capture_facts(
     if rate is not None:
         capture = sampled_at(capture, rate)
     capture = replace(capture, trace=capture.trace.stored())
-    verdict = _verdict(schedule, capture, path, wires)
+    verdict = verdict_on(schedule, capture, path, wires)
     if not verdict.pieces:
         return CaptureFacts(path.name, capture.trace, verdict)
     longest = max(range(len(verdict.pieces)), key=lambda number: verdict.pieces[number].frames)
@@ -156,7 +156,7 @@ def capture_facts(
     return CaptureFacts(name, trace, replace(verdict, first_frame=verdict.pieces[longest].first_frame))
 
 
-def _verdict(
+def verdict_on(
     schedule: PulseSchedule, capture: Capture, path: Path, wires: Mapping[str, str] | None
 ) -> CaptureVerdict:
     """Return the verdict on a capture; edges in cycles of a chip are additionally compared cycle by cycle."""

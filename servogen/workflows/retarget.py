@@ -67,7 +67,7 @@ class Tuned:
 
 
 @dataclass(frozen=True, slots=True)
-class _Write:
+class Write:
     """A port write that changes pins: its cycle, and the new levels, such as "RB0 high"."""
 
     cycle: int
@@ -115,8 +115,8 @@ def tune_to(
 def _overheads(
     program: Program,
     known: Overheads,
-    ours: Sequence[_Write],
-    seen: Sequence[_Write],
+    ours: Sequence[Write],
+    seen: Sequence[Write],
     files: tuple[str, str],
 ) -> Overheads:
     """Return the cycles of the statements on each path of the program that made `seen`.
@@ -148,14 +148,14 @@ def _overheads(
     return Overheads(costs)
 
 
-def _writes(schedule: PulseSchedule, image: Image, wanted: int) -> list[_Write]:
+def _writes(schedule: PulseSchedule, image: Image, wanted: int) -> list[Write]:
     """Return the first `wanted` port writes that change pins."""
     span = Cycles(2 * motion_cycles(schedule))
     edges = join(running(schedule, image, span).driven())
     starts = np.flatnonzero(np.diff(edges.cycle, prepend=-1))[: wanted + 1].tolist()
     ends = [*starts[1:], len(edges.cycle)]
     return [
-        _Write(
+        Write(
             int(edges.cycle[start]),
             " and ".join(
                 f"{PINS[pin]} {'high' if level else 'low'}"
@@ -166,12 +166,12 @@ def _writes(schedule: PulseSchedule, image: Image, wanted: int) -> list[_Write]:
     ]
 
 
-def _since(writes: Sequence[_Write], index: int) -> int:
+def _since(writes: Sequence[Write], index: int) -> int:
     """Return the cycles since the previous write, or since reset."""
     return writes[index].cycle - (writes[index - 1].cycle if index else 0)
 
 
-def _compare(seen: Sequence[_Write], wanted: Sequence[_Write], file: str, name: str) -> None:
+def _compare(seen: Sequence[Write], wanted: Sequence[Write], file: str, name: str) -> None:
     """Raise InputError for the first write that differs."""
     for number, (here, there) in enumerate(zip(seen, wanted, strict=False), 1):
         if here.changes != there.changes:

@@ -10,9 +10,9 @@ from intelhex import IntelHex
 
 from servogen.bench.programmers.flash import (
     Differs,
-    _judge,
-    _last,
     command_of,
+    judge,
+    last_lines,
     objections,
     protected,
     read_eeprom,
@@ -167,23 +167,23 @@ PICPROG_CODES = {
 def test_an_exit_code_is_explained(name: str, code: int, text: str) -> None:
     (programmer,) = (each for each in PROGRAMMERS if each.name == name)
     with pytest.raises(ToolError, match=text) as error:
-        _judge(programmer, code, "one\n\ntwo\nthree\nfour\n", "/dev/ttyS0")
+        judge(programmer, code, "one\n\ntwo\nthree\nfour\n", "/dev/ttyS0")
     assert (error.value.code, str(error.value.location)) == ("tool-failed", "/dev/ttyS0")
     assert error.value.hint == "two\n  three\n  four"
 
 
 def test_a_chip_that_differs_is_another_end_than_a_programmer_that_fails() -> None:
     with pytest.raises(Differs) as error:
-        _judge(PK2CMD, 34, "", None)
+        judge(PK2CMD, 34, "", None)
     assert (error.value.exit_code, error.value.code, error.value.location) == (1, "chip-differs", None)
     assert error.value.hint is None
-    _judge(PK2CMD, 0, "", None)
+    judge(PK2CMD, 0, "", None)
 
 
 def test_long_lines_of_a_programmer_are_cut() -> None:
-    assert _last("x" * 120) == "x" * 120
-    assert _last("x" * 121) == "x" * 120 + " …"
-    assert _last(" \n\n") is None
+    assert last_lines("x" * 120) == "x" * 120
+    assert last_lines("x" * 121) == "x" * 120 + " …"
+    assert last_lines(" \n\n") is None
 
 
 def codes(given: tuple[object, ...]) -> list[str]:

@@ -17,7 +17,7 @@ import pytest
 
 from servogen.bench.analysers.sump import Runs
 from servogen.bench.inputs.wiring import input_wiring
-from servogen.bench.virtual.analyser import AnalyserOptions, VirtualAnalyser, _noisy
+from servogen.bench.virtual.analyser import AnalyserOptions, VirtualAnalyser, noisy
 from servogen.bench.virtual.board import BoardOptions, VirtualBoard
 from servogen.bench.virtual.chip import VirtualChip
 from servogen.bench.virtual.terminals import Openings, terminals
@@ -428,13 +428,13 @@ def test_noise_flips_one_channel_of_as_many_samples_as_it_should(seed: int) -> N
     """Nine of ten samples from the fourth on: all but the last, whose run would have no end."""
     runs = Runs(np.array([5, 9], dtype=np.uint32), np.array([0, 6], dtype=np.int64), 13)
     plain = np.repeat(runs.value, [6, 7])
-    noisy = _noisy(runs, 3, 0.9, random.Random(seed))
-    assert noisy.end == 13
-    samples = np.repeat(noisy.value, np.diff([*noisy.start, 13]))
+    found = noisy(runs, 3, 0.9, random.Random(seed))
+    assert found.end == 13
+    samples = np.repeat(found.value, np.diff([*found.start, 13]))
     flipped = [int(one ^ other).bit_count() for one, other in zip(samples, plain, strict=True)]
     assert flipped == [0] * 3 + [1] * 9 + [0]
     assert max(one ^ other for one, other in zip(samples, plain, strict=True)) < 1 << len(PINS)
-    assert _noisy(runs, 3, 0.0, random.Random(seed)) is runs
+    assert noisy(runs, 3, 0.0, random.Random(seed)) is runs
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux has inotify")

@@ -121,7 +121,7 @@ def test_the_limits_change_nothing_of_what_is_compiled(
     results = []
     for limited in (True, False):
         if not limited:
-            monkeypatch.setattr(isolation, "_resource", None)
+            monkeypatch.setattr(isolation, "unix_limits", None)
         done = run("compile", source, "--listing", listing, "--json")
         results.append(
             (done.code, json.loads(done.out), listing.read_text(), source.with_suffix(".hex").read_text())
@@ -146,7 +146,7 @@ def test_a_system_without_limits_is_said_to_be_one(
     from servogen.cli import files
 
     files.warn_of_missing_limits.cache_clear()
-    monkeypatch.setattr(isolation, "_resource", None)
+    monkeypatch.setattr(isolation, "unix_limits", None)
     done = run("compile", source)
     files.warn_of_missing_limits.cache_clear()
     assert done.code == 0

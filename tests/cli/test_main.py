@@ -135,7 +135,7 @@ def outcome(monkeypatch: pytest.MonkeyPatch, stream: Any, result: int = 0) -> tu
     messages = io.StringIO()
     monkeypatch.setattr(sys, "stdout", stream)
     monkeypatch.setattr(sys, "stderr", messages)
-    monkeypatch.setattr(main, "_run", lambda: print("line") or result)
+    monkeypatch.setattr(main, "run_command", lambda: print("line") or result)
     with pytest.raises(SystemExit) as ended:
         main.main()
     return int(ended.value.code or 0), messages.getvalue()
@@ -157,7 +157,7 @@ def test_an_output_that_typer_has_replaced_was_a_broken_pipe(monkeypatch: pytest
         sys.stdout = io.StringIO()
         return 1
 
-    monkeypatch.setattr(main, "_run", run)
+    monkeypatch.setattr(main, "run_command", run)
     with pytest.raises(SystemExit) as ended:
         main.main()
     assert ended.value.code == 141
@@ -168,7 +168,7 @@ def test_letters_that_a_locale_lacks_are_question_marks(monkeypatch: pytest.Monk
     stream = io.TextIOWrapper(raw, encoding="ascii")
     monkeypatch.setattr(sys, "stdout", stream)
     monkeypatch.setattr(sys, "stderr", io.StringIO())
-    monkeypatch.setattr(main, "_run", lambda: print("1 µs") or 0)
+    monkeypatch.setattr(main, "run_command", lambda: print("1 µs") or 0)
     with pytest.raises(SystemExit) as ended:
         main.main()
     assert (ended.value.code, raw.getvalue()) == (0, b"1 ?s\n")

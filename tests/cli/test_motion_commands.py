@@ -86,7 +86,7 @@ def show(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], ta
     stand_in(monkeypatch, gait_facts, "diagram", lambda rhythm: {"L1": "▔▁", "R1": "▁▁"})
 
     def lines(planned: Any, found: Any) -> list[str]:
-        gait_command._show_walk(SimpleNamespace(), RHYTHM, planned, found)  # type: ignore[arg-type]
+        gait_command.show_walk(SimpleNamespace(), RHYTHM, planned, found)  # type: ignore[arg-type]
         return capsys.readouterr().out.splitlines()
 
     return lines

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import servogen.compiler.library
-from servogen.compiler.sema.builtins import _TABLE as BUILT_IN
+from servogen.compiler.sema.builtins import BUILTINS as BUILT_IN
 from servogen.errors import InputError
 from servogen.programs import device_of, dialect_of, included_names, read_program
 

@@ -90,7 +90,7 @@ def analysed(text: str, dialect: str = "xc8", clock: Clock | None = FOUR_MHZ) ->
     reporter, options = Reporter(), Options(dialect)
     settings = PragmaSettings(options.device, reporter)
     blocks: list[AsmBlock] = []
-    files = [driver._read(Source(text, "main.c"), options, reporter, blocks, 0)]
+    files = [driver.read_source(Source(text, "main.c"), options, reporter, blocks, 0)]
     for pragma in files[0][0].pragmas:
         settings.pragma(pragma)
 

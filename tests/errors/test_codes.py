@@ -90,10 +90,10 @@ def test_a_code_has_one_row_with_meaning_and_advice() -> None:
 
 def test_codes_that_tables_hold_are_explained_too() -> None:
     from servogen.pic.assembler.messages import NUMBERS
-    from servogen.simulator.warnings import _WORDS
+    from servogen.simulator.warnings import WORDS
 
     assert documented() >= CHIP_DEPENDENT
-    assert {code for code, _ in _WORDS.values()} <= documented()
+    assert {code for code, _ in WORDS.values()} <= documented()
     assert set(NUMBERS) <= documented()
 
 

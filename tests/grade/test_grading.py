@@ -162,7 +162,7 @@ def test_a_system_without_limits_is_said_to_be_one(
 ) -> None:
     """As on Windows: each program in a fresh process, which can be killed, but no limit of memory."""
     (tmp_path / "right.c").write_text(RIGHT.read_text())
-    monkeypatch.setattr(isolation, "_resource", None)
+    monkeypatch.setattr(isolation, "unix_limits", None)
     done = run("grade", "lab8-exercise", tmp_path)
     assert (done.code, "1 of 1 passed" in done.out) == (0, True)
     assert "cannot limit the memory and the open files of a process" in done.err
@@ -252,7 +252,7 @@ def test_a_cluster_that_loses_its_workers_is_given_up(
     import distributed
 
     monkeypatch.setattr(grading, "WITHOUT_WORKERS_S", 0.0)
-    monkeypatch.setattr(grading, "_has_worker", lambda client: False)
+    monkeypatch.setattr(grading, "has_worker", lambda client: False)
     monkeypatch.setattr(grading, "POLL_S", 0.01)
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None

@@ -46,8 +46,8 @@ def test_a_solution_is_within_a_tolerance_in_both_its_distance_and_its_angle() -
 
 def test_a_target_out_of_reach_is_given_up_after_forty_starts(monkeypatch: pytest.MonkeyPatch) -> None:
     """One alone: first from home, then 39 at once. Of many as many at once as make 512 rows at most."""
-    monkeypatch.setattr(numerical, "_descend", lambda robot, q, *rest: q)  # no descent could help
-    rows = counted(monkeypatch, "_descend")
+    monkeypatch.setattr(numerical, "descend", lambda robot, q, *rest: q)  # no descent could help
+    rows = counted(monkeypatch, "descend")
     found = search(SCARA, [9.0, 0.0, 0.0])
     assert rows == [1, 39]
     assert found.distance_m[0] > 8
@@ -70,15 +70,15 @@ def test_the_solution_near_a_configuration_is_searched_from_there_alone(
     found = solutions_near(robot, fk_position(robot, wanted), None, near)
     assert found.shape == (2, 1, 4)
     assert found[:, 0, :3] == pytest.approx(wanted[:, :3], abs=1e-6)
-    monkeypatch.setattr(numerical, "_descend", lambda robot, q, *rest: q)  # no descent could help
-    rows = counted(monkeypatch, "_descend")
+    monkeypatch.setattr(numerical, "descend", lambda robot, q, *rest: q)  # no descent could help
+    rows = counted(monkeypatch, "descend")
     assert np.isnan(solutions_near(robot, [[9.0, 0.0, 0.0]], None, near[:1])).all()
     assert rows == [1]
 
 
 def test_all_starts_but_the_first_are_random(monkeypatch: pytest.MonkeyPatch) -> None:
     guesses: list[np.ndarray] = []
-    monkeypatch.setattr(numerical, "_descend", lambda robot, q, *rest: guesses.append(q) or q)
+    monkeypatch.setattr(numerical, "descend", lambda robot, q, *rest: guesses.append(q) or q)
     search(SCARA, np.tile([9.0, 0.0, 0.0], (300, 1)), starts=3)
     first, second, third = guesses
     assert (first == SCARA.home).all()
@@ -97,7 +97,7 @@ def test_a_target_that_is_met_at_once_needs_one_start_and_few_steps(monkeypatch:
     """
     q = np.array([[0.3, 0.5, -0.9, 0.4, 0.2]])
     target = fk(RV_M1, q)
-    starts, evaluations = counted(monkeypatch, "_descend"), counted(monkeypatch, "with_pose")
+    starts, evaluations = counted(monkeypatch, "descend"), counted(monkeypatch, "with_pose")
     found = search(RV_M1, target[:, :3, 3], target[:, :3, :3], q + 0.1)
     assert found.within(1e-9).all()
     assert found.q == pytest.approx(q, abs=1e-8)
@@ -117,8 +117,6 @@ def test_nearly_right_positions_are_improved_within_the_limits() -> None:
 
 def test_joints_without_an_effect_stay_where_they_start() -> None:
     """Without an orientation the last joint of a SCARA turns nothing that is asked for."""
-    assert numerical._idle(SCARA, False).tolist() == [False, False, False, True]
-    assert not numerical._idle(SCARA, True).any()
     q = np.array([0.4, 0.8, 0.1, 0.7])
     found = search(SCARA, fk_position(SCARA, q), None, [0.0, 0.5, 0.05, 0.123])
     assert found.distance_m[0] < 1e-9
@@ -141,10 +139,10 @@ def test_the_size_of_an_arm_is_the_sum_of_its_lengths_and_slides() -> None:
     lengths = SCARA.length
     slide = SCARA.joints[2]
     rows = sum(abs(row.d.value(lengths)) + abs(row.a.value(lengths)) for row in SCARA.rows)
-    assert numerical._reach(SCARA) == pytest.approx(rows + slide.upper - slide.lower)
+    assert numerical.reach_of(SCARA) == pytest.approx(rows + slide.upper - slide.lower)
     further = replace(slide, lower=slide.lower - 0.05)
     longer = replace(SCARA, joints=(*SCARA.joints[:2], further, SCARA.joints[3]))
-    assert numerical._reach(longer) == pytest.approx(numerical._reach(SCARA) + 0.05)
+    assert numerical.reach_of(longer) == pytest.approx(numerical.reach_of(SCARA) + 0.05)
     assert lengths["l1"] + lengths["l2"] < rows <= 2 * sum(lengths.values())
 
 
@@ -160,7 +158,7 @@ def by_the_book(
     """
     lower, upper = limits(robot)
     free = np.array([joint.turning for joint in robot.joints]) & (upper - lower > 6.283)
-    weight = 0.5 * numerical._reach(robot)
+    weight = 0.5 * numerical.reach_of(robot)
 
     def error(at: np.ndarray) -> np.ndarray:
         pose = fk(robot, at)
@@ -210,7 +208,7 @@ def test_a_descent_is_that_of_the_book() -> None:
         pose = fk(robot, goal)
         pose[0, :3, 3] *= 4  # out of reach
         position, rotation = pose[:, :3, 3], pose[:, :3, :3] if oriented else None
-        found = numerical._descend(robot, start, position, rotation, 1e-10, 4)
+        found = numerical.descend(robot, start, position, rotation, 1e-10, 4)
         for row in range(len(start)):
             turn = None if rotation is None else rotation[row]
             wanted = by_the_book(robot, start[row], position[row], turn, 4)

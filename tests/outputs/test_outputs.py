@@ -191,7 +191,7 @@ def test_a_part_that_another_process_takes_for_abandoned_is_begun_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The other one locks it first, or has removed it, before this one has its lock."""
-    lock, tries = outputs._lock, []
+    lock, tries = outputs.lock_part, []
 
     def late(handle: int, path: Path) -> bool:
         tries.append(path)
@@ -206,7 +206,7 @@ def test_a_part_that_another_process_takes_for_abandoned_is_begun_again(
             path.write_text("another file of the name")
         return lock(handle, path)
 
-    monkeypatch.setattr(outputs, "_lock", late)
+    monkeypatch.setattr(outputs, "lock_part", late)
     write_text(tmp_path / "a.txt", "new")
     assert len({*tries}) == 4
     assert (tmp_path / "a.txt").read_text() == "new"

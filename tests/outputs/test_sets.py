@@ -74,7 +74,7 @@ def test_the_users_own_files_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         monkeypatch.chdir(folder)
         named = Path()
     elif way == "no exchange":
-        monkeypatch.setattr(outputs, "_exchange", no_exchange)
+        monkeypatch.setattr(outputs, "exchange_folders", no_exchange)
     elif way == "through a link":
         named = tmp_path / "link"
         named.symlink_to(folder)
@@ -93,7 +93,7 @@ def no_exchange(first: Path, second: Path) -> None:
 
 def test_without_an_exchange_sets_are_never_mixed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each file that moves in sees no file of the old set."""
-    monkeypatch.setattr(outputs, "_exchange", no_exchange)
+    monkeypatch.setattr(outputs, "exchange_folders", no_exchange)
     write_set(tmp_path / "out", "old")
     move, seen = Path.replace, []
 
@@ -119,7 +119,7 @@ def test_a_system_that_cannot_exchange_folders_says_so(
     with monkeypatch.context() as windows:
         windows.setattr(outputs.os, "name", system)
         with pytest.raises(OSError, match="cannot exchange two folders") as error:
-            outputs._exchange(tmp_path / "a", tmp_path / "b")
+            outputs.exchange_folders(tmp_path / "a", tmp_path / "b")
     assert error.value.errno == errno.ENOSYS
     write_set(tmp_path / "out", "old")
     write_set(tmp_path / "out", "new")
@@ -138,7 +138,7 @@ def test_an_exchange_is_asked_for_in_the_words_of_the_system(
     monkeypatch.setattr(outputs.ctypes, "get_errno", lambda: errno.EXDEV)
     first, second = tmp_path / "a", tmp_path / "b"
     with nullcontext() if result == 0 else pytest.raises(OSError, match=os.strerror(errno.EXDEV)) as failed:
-        outputs._exchange(first, second)
+        outputs.exchange_folders(first, second)
     assert result == 0 or failed.value.errno == errno.EXDEV
     names = os.fsencode(first), os.fsencode(second)
     assert asked == [(-100, names[0], -100, names[1], 2) if call == "renameat2" else (*names, 2)]
@@ -158,7 +158,7 @@ def test_a_folder_stays_its_owners_whoever_builds(tmp_path: Path) -> None:
 
 def test_a_set_that_cannot_be_replaced_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A folder has the name of a file of the set, and the system does not exchange folders."""
-    monkeypatch.setattr(outputs, "_exchange", no_exchange)
+    monkeypatch.setattr(outputs, "exchange_folders", no_exchange)
     folder = tmp_path / "out"
     (folder / "f1").mkdir(parents=True)
     with pytest.raises(ToolError, match="could not be written: ") as failed:
@@ -197,16 +197,16 @@ from pathlib import Path
 from servogen import outputs
 from servogen.outputs import atomic_write, replaced_files, write_text
 folder, moment = Path(sys.argv[1]), sys.argv[2]
-exchange = outputs._exchange
+exchange = outputs.exchange_folders
 def die(*_):
     os.kill(os.getpid(), signal.SIGKILL)
 def exchanged(*names):
     exchange(*names)
     die()
 if moment == "before the exchange":
-    outputs._exchange = die
+    outputs.exchange_folders = die
 if moment == "after the exchange":
-    outputs._exchange = exchanged
+    outputs.exchange_folders = exchanged
 if moment == "in a file":
     with atomic_write(folder / "f0") as file:
         file.write("half")

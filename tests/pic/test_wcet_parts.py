@@ -45,7 +45,7 @@ def test_what_an_instruction_reads_and_overwrites(row: list[str]) -> None:
             used |= {CARRY, ZERO}
         elif row in WITH_FILE and (f == FSR or f in RAM):
             (used if "f" in reads else killed).add(f)
-        uses, kills = wcet._uses_and_kills(word)
+        uses, kills = wcet.uses_and_kills(word)
         assert (places(uses), places(kills)) == (used, killed), f"{name} 0x{f:02X}, {d}"
 
 
@@ -68,7 +68,7 @@ def lives(words: dict[int, int], address: int, place: int) -> bool:
         if at in seen or at not in words:
             continue
         seen.add(at)
-        uses, kills = wcet._uses_and_kills(word_of(words[at]))
+        uses, kills = wcet.uses_and_kills(word_of(words[at]))
         if place in places(uses):
             return True
         if place not in places(kills):

@@ -245,10 +245,10 @@ def test_the_map_of_a_walk_shows_the_rigid_way_and_the_simulated_one_from_the_sa
     pytest.importorskip("matplotlib", reason="pictures need matplotlib")
     from matplotlib.figure import Figure
 
-    from servogen.twin.pictures import _path
+    from servogen.twin.pictures import draw_path
 
     axes = Figure().add_subplot()
-    _path(axes, ahead)
+    draw_path(axes, ahead)
     lines = {line.get_label(): line.get_xydata() for line in axes.lines}
     rigid, simulated = lines["rigid legs, ideal wheels"], lines["simulated"]
     assert rigid[-1] == pytest.approx([80, 0], abs=0.5)

@@ -121,13 +121,13 @@ def test_without_the_switch_the_foot_is_pressed_on(bench: Path) -> None:
 def test_lock_step_is_repeatable_and_reads_the_sensors_in_every_millisecond(
     bench: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    levels, read = run._Run._levels, []
+    levels, read = run.TwinRun.set_levels, []
 
-    def reading(made: run._Run, step: int) -> None:
+    def reading(made: run.TwinRun, step: int) -> None:
         read.append(step)
         levels(made, step)
 
-    monkeypatch.setattr(run._Run, "_levels", reading)
+    monkeypatch.setattr(run.TwinRun, "set_levels", reading)
     one, other = (lowered(bench, ON_A_STEP).record for _ in range(2))
     assert one.digest() == other.digest() and one.changes == other.changes
     assert read == [*range(1201), *range(1201)]

@@ -23,7 +23,7 @@ from servogen.kinematics.transforms import rot
 from servogen.twin import Ground, TwinSettings, run
 from servogen.twin.live import LiveTwin
 from servogen.twin.planned import planned_of
-from servogen.twin.run import _sensor, standing
+from servogen.twin.run import sensor_of, standing
 from servogen.twin.world import mujoco
 from servogen.units import Clock
 from tests.twin.walking import AHEAD, JOBS, text_of
@@ -83,7 +83,7 @@ def test_sensors_read_the_bodies_at_their_thresholds(walk: PlannedJob) -> None:
         SensorTable(pin="RA2", kind="end-stop", of="L1_alpha", at_deg=10, level="high"),
         SensorTable(pin="RA3", kind="stall", above_a=1.25),
     )
-    foot, below, above, stall = (_sensor(row, world, rig) for row in rows)
+    foot, below, above, stall = (sensor_of(row, world, rig) for row in rows)
     assert [(each.pin, each.active) for each in (foot, below, above, stall)] == [
         (0, 0),
         (1, 0),
@@ -147,11 +147,11 @@ def carrying() -> PlannedJob:
 
 def test_an_end_stop_of_a_slide_is_in_millimetres(carrying: PlannedJob) -> None:
     rig, _, world = standing(carrying, TwinSettings())
-    sensor = _sensor(SensorTable(pin="RA0", kind="end-stop", of="q3", at_mm=50), world, rig)
+    sensor = sensor_of(SensorTable(pin="RA0", kind="end-stop", of="q3", at_mm=50), world, rig)
     for place, pressed in ((0.0499, False), (0.05, True), (0.2, True), (-0.05, False)):
         world.data.joint("q3").qpos[0] = place
         assert sensor.reads() == pressed
-    zero = _sensor(SensorTable(pin="RA0", kind="end-stop", of="q3", at_mm=0, side="below"), world, rig)
+    zero = sensor_of(SensorTable(pin="RA0", kind="end-stop", of="q3", at_mm=0, side="below"), world, rig)
     world.data.joint("q3").qpos[0] = 0.0
     assert zero.reads()
 
@@ -159,7 +159,7 @@ def test_an_end_stop_of_a_slide_is_in_millimetres(carrying: PlannedJob) -> None:
 def begun(job: PlannedJob, settings: TwinSettings) -> Any:
     """Return a run whose chip is not there: frames of 20 ms, three of them before the job's own."""
     rig, built, world = standing(job, settings)
-    made: Any = object.__new__(run._Run)
+    made: Any = object.__new__(run.TwinRun)
     made.job, made.settings, made.rig, made.world, made.bodies = job, settings, rig, world, built
     made.schedule = SimpleNamespace(clock=Clock(4_000_000), period=20_000)
     made.lead_in_frames, made.feed, made.first_pulse, made.rows = 3, None, None, []
@@ -193,7 +193,7 @@ def test_a_record_has_what_the_bodies_servos_and_supply_were_in_each_sample(
         hot.target = random.random(len(zero))
         hot.driven = np.array([float(index < number) for index in range(len(zero))])
         data.sensordata[:] = random.random(len(data.sensordata))
-        made._sample(7 * number)
+        made.sample(7 * number)
         kept.append(
             {
                 "time": 0.007 * number,
@@ -216,7 +216,7 @@ def test_a_record_has_what_the_bodies_servos_and_supply_were_in_each_sample(
             }
         )
     made.first_pulse = 11
-    found = made._record()
+    found = made.record()
     for number, row in enumerate(kept):
         for key in (
             "time",
@@ -257,13 +257,13 @@ def test_a_run_ends_after_its_motion_its_time_or_two_silent_seconds(walk: Planne
     for parts in (1, 2):
         made = begun(walk, TwinSettings(steps_per_ms=parts, loops=3))
         own = trajectory.loop_start - 3 + 3 * (len(trajectory.angles) - trajectory.loop_start)
-        assert made._end(None) == 2000 * parts
-        assert made._end(35) == 35 + 20 * parts * (3 + own)
-        assert begun(walk, TwinSettings(steps_per_ms=parts, seconds=0.75))._end(35) == 750 * parts
+        assert made.end_after(None) == 2000 * parts
+        assert made.end_after(35) == 35 + 20 * parts * (3 + own)
+        assert begun(walk, TwinSettings(steps_per_ms=parts, seconds=0.75)).end_after(35) == 750 * parts
     endless = begun(walk, TwinSettings(seconds=2000.0))
-    assert endless._end(None) == 2_000_000  # 400 000 samples of five steps
+    assert endless.end_after(None) == 2_000_000  # 400 000 samples of five steps
     with pytest.raises(InputError, match="longer than half an hour"):
-        begun(walk, TwinSettings(seconds=2000.005))._end(None)
+        begun(walk, TwinSettings(seconds=2000.005)).end_after(None)
 
 
 def test_the_plan_of_a_walk_leads_along_its_route_as_often_as_it_is_played() -> None:

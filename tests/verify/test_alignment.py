@@ -18,8 +18,8 @@ from servogen.verify.capture.alignment import (
     FittedLine,
     PairedSignals,
     WholeFrames,
-    _regression,
     align,
+    regression,
     whole_frames,
 )
 from servogen.verify.capture.verdict import Tolerances
@@ -54,15 +54,15 @@ def test_a_speed_that_is_not_known_to_20_ppm_is_the_nominal_one() -> None:
     spread = float(((s - s.mean()) ** 2).sum())
     # Rounding to samples is off by a twelfth of a sample squared on average, which limits the slope's error.
     limit = MAX_SLOPE_ERROR * 2.004 * (12 * spread) ** 0.5
-    fine = _regression(s, t, signals([[]], [[]], quantum=limit * 0.999))
+    fine = regression(s, t, signals([[]], [[]], quantum=limit * 0.999))
     assert (fine.a, fine.b) == pytest.approx((50, 2.004))
     assert fine.b_error == pytest.approx(0.999 * MAX_SLOPE_ERROR * 2.004)
-    coarse = _regression(s, t, signals([[]], [[]], quantum=limit * 1.001))
+    coarse = regression(s, t, signals([[]], [[]], quantum=limit * 1.001))
     assert coarse == FittedLine(pytest.approx(t.mean() - 2 * s.mean()), 2.0, None)
     # Two edges determine a line without an error; three do.
-    assert _regression(s[:2], t[:2], signals([[]], [[]], quantum=1e-9)).b_error is None
-    assert _regression(s[:3], t[:3], signals([[]], [[]], quantum=1e-9)).b == pytest.approx(2.004)
-    assert _regression(s[[1, 1, 1]], t[[1, 1, 1]], signals([[]], [[]])).b_error is None
+    assert regression(s[:2], t[:2], signals([[]], [[]], quantum=1e-9)).b_error is None
+    assert regression(s[:3], t[:3], signals([[]], [[]], quantum=1e-9)).b == pytest.approx(2.004)
+    assert regression(s[[1, 1, 1]], t[[1, 1, 1]], signals([[]], [[]])).b_error is None
 
 
 WIDTHS = Random(5).choices(range(100, 400), k=300)
@@ -200,9 +200,9 @@ def test_the_longest_capture_that_is_compared(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(check, "MAX_FRAMES", 5)
     rows = [(0, RB0, LOW), (900, RB0, HIGH), (950, RB0, LOW)]
     # Six frames are 12 000 steps, 3 % less by the fastest clock that is looked for.
-    check._set_up(schedule(), capture(rows, 11_650), Tolerances(), Sampling(1.0, stated=True))
+    check.set_up(schedule(), capture(rows, 11_650), Tolerances(), Sampling(1.0, stated=True))
     with pytest.raises(InputError) as raised:
-        check._set_up(schedule(), capture(rows, 11_651), Tolerances(), Sampling(1.0, stated=True))
+        check.set_up(schedule(), capture(rows, 11_651), Tolerances(), Sampling(1.0, stated=True))
     assert raised.value.message == ("the capture is 6 frames of the schedule long: at most 5 are compared")
 
 

@@ -10,7 +10,7 @@ import pytest
 from servogen.edges import UNDRIVEN, EdgeTrace, Expected, ExpectedChunk, edge_chunk, join
 from servogen.units import Cycles
 from servogen.verify import CaptureVerdict, capture_lines, verify_capture
-from servogen.verify.capture.check import _joint_clock
+from servogen.verify.capture.check import joint_clock
 from tests.verify import test_capture as one
 
 GAP = 1000
@@ -134,4 +134,4 @@ def test_the_clock_of_several_captures_is_their_weighted_mean(
     known: list[tuple[float | None, float | None]], joint: tuple[float | None, float | None]
 ) -> None:
     verdicts = [SimpleNamespace(ppm=ppm, ppm_error=error) for ppm, error in known]
-    assert _joint_clock(verdicts) == pytest.approx(joint)  # type: ignore[arg-type]
+    assert joint_clock(verdicts) == pytest.approx(joint)  # type: ignore[arg-type]

@@ -228,7 +228,7 @@ def test_a_defect_of_a_session_does_not_end_the_server(
     with running.socket() as socket:
         opened(socket)
         with monkeypatch.context() as broken:
-            broken.setattr(WatchSession, "_run_on", lambda *_: 1 / 0)
+            broken.setattr(WatchSession, "run_on", lambda *_: 1 / 0)
             socket.send(json.dumps({"do": "run", "running": True}))
             assert "ZeroDivisionError" in messages(socket, "problem")[-1]["text"]
         assert not asked(socket, do="seek", cycle=9)["running"]

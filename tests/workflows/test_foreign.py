@@ -19,7 +19,7 @@ from servogen.job import PlannedJob, load, plan_job
 from servogen.pic.device import device
 from servogen.pic.image import Image, to_hex
 from servogen.workflows.engines import PlayedJob, planned
-from servogen.workflows.retarget import Added, Tuned, _Write, tune_to
+from servogen.workflows.retarget import Added, Tuned, Write, tune_to
 from servogen.workflows.verification import checked_cycles, judge_edges, running
 from tests.campaigns import sampled
 from tests.workflows.other_compilers import other_compiler, sdcc, sdcc_compiled
@@ -155,8 +155,8 @@ def test_a_way_whose_statements_take_longer_than_it_may_is_named() -> None:
         tune_to(job("lab8-exercise"), image, "theirs.hex", "xc8")
 
 
-def writes(*cycles: int) -> list[_Write]:
-    return [_Write(cycle, "RB0 high" if number % 2 else "RB0 low") for number, cycle in enumerate(cycles)]
+def writes(*cycles: int) -> list[Write]:
+    return [Write(cycle, "RB0 high" if number % 2 else "RB0 low") for number, cycle in enumerate(cycles)]
 
 
 def test_a_tuning_as_json_has_the_cycles_of_each_way_and_the_verdict() -> None:

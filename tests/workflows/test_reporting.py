@@ -61,12 +61,12 @@ def test_of_several_captures_in_a_file_the_longest_is_shown(monkeypatch: pytest.
         (Judged(pieces), "run.vcd, piece 2 of 3", "second", 50),
         (Judged(pieces[:1]), "run.vcd, piece 1 of 1", "first", 20),
     ):
-        monkeypatch.setattr(reporting, "_verdict", lambda *given, verdict=verdict: verdict)
+        monkeypatch.setattr(reporting, "verdict_on", lambda *given, verdict=verdict: verdict)
         found: Any = capture_facts(schedule, Path("a/run.vcd"))
         assert (found.name, found.trace, found.verdict.first_frame) == (name, trace, first)
     assert asked == []
     monkeypatch.setattr(
-        reporting, "_verdict", lambda schedule, capture, path, wires: Judged((), capture.sample)
+        reporting, "verdict_on", lambda schedule, capture, path, wires: Judged((), capture.sample)
     )
     found = capture_facts(schedule, Path("a/run.vcd"), 500_000)
     assert (found.name, found.trace.end, found.verdict.first_frame) == ("run.vcd", 10, 2.0)

@@ -109,7 +109,7 @@ def flash(
     with nullcontext() if port is None else held(port):
         code, output = _run(command, tool.programmer, order.port, timeout_s)
         try:
-            _judge(tool.programmer, code, output, order.port)
+            judge(tool.programmer, code, output, order.port)
         except Differs as error:
             raise _with_place(error, tool, order, image, timeout_s) from None
         read = _read(tool, order, image, timeout_s)
@@ -119,7 +119,7 @@ def flash(
             "chip-differs",
             f"{tool.programmer.name} reports success, but the chip differs from the file, first {mismatch}",
             _place(order.port),
-            _last(output),
+            last_lines(output),
         )
     return Flashed(output, tuple(read))
 
@@ -139,7 +139,7 @@ def read_eeprom(
     return bytes(read.get(EEPROM, [ERASED_BYTE] * EEPROM_BYTES))
 
 
-def _judge(programmer: Programmer, code: int, output: str, port: str | None) -> None:
+def judge(programmer: Programmer, code: int, output: str, port: str | None) -> None:
     """Raise the error that the exit code and the output indicate."""
     for failure in programmer.failures:
         if isinstance(failure.sign, int):
@@ -148,19 +148,19 @@ def _judge(programmer: Programmer, code: int, output: str, port: str | None) -> 
             hit = re.search(failure.sign, output, re.IGNORECASE) is not None
         if hit:
             if failure.differs:
-                raise Differs("chip-differs", failure.sentence, _place(port), _last(output))
-            raise ToolError("tool-failed", failure.sentence, _place(port), _last(output))
+                raise Differs("chip-differs", failure.sentence, _place(port), last_lines(output))
+            raise ToolError("tool-failed", failure.sentence, _place(port), last_lines(output))
     missing = [text for text in programmer.success_texts if text not in output]
     if code != 0:
         raise ToolError(
-            "tool-failed", f"{programmer.name} failed with exit code {code}", _place(port), _last(output)
+            "tool-failed", f"{programmer.name} failed with exit code {code}", _place(port), last_lines(output)
         )
     if missing:
         raise ToolError(
             "tool-failed",
             f"{programmer.name} did not print '{missing[0]}': the chip may not be programmed",
             _place(port),
-            _last(output),
+            last_lines(output),
         )
 
 
@@ -202,7 +202,7 @@ def _read(
                     "tool-failed",
                     f"{tool.programmer.name} could not read the chip back",
                     _place(order.port),
-                    _last(output),
+                    last_lines(output),
                 )
             try:
                 contents.update(look.contents(file, image))
@@ -211,7 +211,7 @@ def _read(
                     "tool-failed",
                     f"{tool.programmer.name} read the chip back into a file that is not understood: {error}",
                     _place(order.port),
-                    _last(output),
+                    last_lines(output),
                 ) from error
     return contents
 
@@ -240,7 +240,7 @@ def _run(
                 sentence += " and printed nothing: does the programmer answer?"
             if NOT_INSERTED.search(output):
                 sentence = "there is no chip in the programmer's socket"
-            raise ToolError("tool-failed", sentence, _place(port), _last(output)) from None
+            raise ToolError("tool-failed", sentence, _place(port), last_lines(output)) from None
         except BaseException:
             process.kill()
             raise
@@ -251,7 +251,7 @@ def _place(port: str | None) -> Location | None:
     return Location(port) if port else None
 
 
-def _last(output: str) -> str | None:
+def last_lines(output: str) -> str | None:
     """Return the last lines of a program's output, without the ends of very long ones."""
     lines = [line for line in output.splitlines() if line.strip()][-LAST_LINES:]
     return "\n  ".join(line if len(line) <= LINE else f"{line[:LINE]} …" for line in lines) or None

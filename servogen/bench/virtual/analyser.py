@@ -91,7 +91,7 @@ class VirtualCapture:
         first = -((begin - cycle) * ratio.numerator // ratio.denominator)
         end = -((begin - chip.now) * ratio.numerator // ratio.denominator)
         new = Runs(_channels(levels), np.maximum(first, self._runs.end), end)
-        self._add(_noisy(new, self._runs.end, glitches_per_s / float(self.rate), dice))
+        self._add(noisy(new, self._runs.end, glitches_per_s / float(self.rate), dice))
         if self._before is None:
             self._look_for_trigger()
         if self._before is not None:
@@ -159,7 +159,7 @@ def _grouped(value: sump.Words, groups: tuple[int, ...]) -> sump.Words:
     return word
 
 
-def _noisy(runs: Runs, begin: int, per_sample: float, dice: random.Random) -> Runs:
+def noisy(runs: Runs, begin: int, per_sample: float, dice: random.Random) -> Runs:
     """Return the same samples with random single errors."""
     if not per_sample:
         return runs

@@ -61,7 +61,7 @@ class ProgramGenerator:
             reporter=self.reporter,
             isr=isr,
         )
-        generator = FunctionGenerator(definition, context, _LOWERING)
+        generator = FunctionGenerator(definition, context, LOWERING)
         try:
             generate(generator)
         except RecursionError:
@@ -128,7 +128,7 @@ class ProgramGenerator:
         return self.functions[name]
 
 
-_LOWERING = Lowering(
+LOWERING = Lowering(
     into=into,
     boolean=boolean,
     condition_to_w=condition_to_w,

@@ -37,7 +37,7 @@ _MAX_TURNS = 3
 """Outer counters, the most frequent ones, for which a routine that sets them is tried."""
 
 
-class _Entry(NamedTuple):
+class Entry(NamedTuple):
     """An entry into a shared loop: its counters, and the outer one's value where a routine sets it."""
 
     counters: int
@@ -82,13 +82,13 @@ class _Entry(NamedTuple):
         return (inner, outer + 1, rest) if inner >= 1 and rest <= 5 else None
 
 
-_ONE, _TWO = _Entry(1), _Entry(2)
+_ONE, _TWO = Entry(1), Entry(2)
 
 
 class _Route(NamedTuple):
     """How delays of one length are implemented: by a shared loop or not, in a routine of their own or not."""
 
-    entry: _Entry | None = None
+    entry: Entry | None = None
     own: bool = False
 
     def inside(self, cycles: int) -> int:
@@ -129,7 +129,7 @@ class _Choice:
     merged: bool = True
     routes: dict[int, _Route] = field(default_factory=dict)
     """By length; all others are expanded in place."""
-    nops: dict[_Entry, int] = field(default_factory=dict)
+    nops: dict[Entry, int] = field(default_factory=dict)
     """The entries that are used, and how many NOPs precede each."""
 
 
@@ -182,18 +182,18 @@ def _lengths(function: Function, *, merged: bool) -> list[int]:
     return lengths
 
 
-def _entries(counts: Counter[int]) -> list[_Entry]:
+def _entries(counts: Counter[int]) -> list[Entry]:
     """Return the entries to try."""
     turns: Counter[int] = Counter()
     for cycles, times in counts.items():
         fitted = _TWO.fit(cycles)
         if fitted is not None:
             turns[fitted[1]] += times
-    frequent = [_Entry(2, count) for count, times in turns.most_common(_MAX_TURNS) if times > 1]
+    frequent = [Entry(2, count) for count, times in turns.most_common(_MAX_TURNS) if times > 1]
     return [_ONE, _TWO, *frequent] if counts else []
 
 
-def _costs(counts: Counter[int], entries: Sequence[_Entry]) -> _Costs:
+def _costs(counts: Counter[int], entries: Sequence[Entry]) -> _Costs:
     """Return what the delays of each length cost by each route that can produce them."""
     routes = [_Route(entry, own) for own in (True, False) for entry in (None, *entries)]
     return {
@@ -205,7 +205,7 @@ def _costs(counts: Counter[int], entries: Sequence[_Entry]) -> _Costs:
     }
 
 
-def _choose(costs: _Costs, used: Sequence[_Entry], *, merged: bool) -> _Choice:
+def _choose(costs: _Costs, used: Sequence[Entry], *, merged: bool) -> _Choice:
     """Return the cheapest implementation of each length, given these entries; `words` is the total."""
     choice = _Choice(merged=merged)
     allowed = {None, *used}
@@ -222,7 +222,7 @@ def _choose(costs: _Costs, used: Sequence[_Entry], *, merged: bool) -> _Choice:
     return choice
 
 
-def _shared(choice: _Choice, suffix: str) -> dict[_Entry, Function]:
+def _shared(choice: _Choice, suffix: str) -> dict[Entry, Function]:
     """Return the loops that the delays share, and the routines before them, each preceded by its NOPs."""
     functions = {entry: Function(entry.name(suffix)) for entry in choice.nops}
     if _TWO in functions:
@@ -263,7 +263,7 @@ def _shared(choice: _Choice, suffix: str) -> dict[_Entry, Function]:
 def _expand(
     function: Function,
     choice: _Choice,
-    loops: dict[_Entry, Function],
+    loops: dict[Entry, Function],
     suffix: str,
     functions: dict[str, Function],
 ) -> None:
@@ -302,7 +302,7 @@ def _implementation(
     function: Function,
     cycles: int,
     choice: _Choice,
-    loops: dict[_Entry, Function],
+    loops: dict[Entry, Function],
     suffix: str,
     functions: dict[str, Function],
     label: str,
@@ -320,7 +320,7 @@ def _implementation(
     return _enter("CALL", route.entry, cycles, loops)
 
 
-def _enter(op: str, entry: _Entry, cycles: int, loops: dict[_Entry, Function]) -> list[Instruction]:
+def _enter(op: str, entry: Entry, cycles: int, loops: dict[Entry, Function]) -> list[Instruction]:
     """Return the instructions that go to a shared loop by a CALL or GOTO."""
     fitted = entry.fit(cycles)
     assert fitted is not None, cycles
@@ -339,7 +339,7 @@ def _enter(op: str, entry: _Entry, cycles: int, loops: dict[_Entry, Function]) -
     return entering
 
 
-def _routine(name: str, route: _Route, cycles: int, loops: dict[_Entry, Function]) -> Function:
+def _routine(name: str, route: _Route, cycles: int, loops: dict[Entry, Function]) -> Function:
     """Return the routine of the delays of one length."""
     function = Function(name)
     if route.entry is None:

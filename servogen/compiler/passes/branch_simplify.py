@@ -90,7 +90,7 @@ def _same_start(arms: _Arms) -> bool:
     One instruction is left in either arm: what is empty is simplified elsewhere.
     """
     yes, no = arms.yes.instructions, arms.no.instructions
-    if len(yes) < 3 or len(no) < 2 or not yes[0].same(no[0]) or not _passes(arms.test, yes[0]):
+    if len(yes) < 3 or len(no) < 2 or not yes[0].same(no[0]) or not goes_through(arms.test, yes[0]):
         return False
     arms.first.instructions.insert(-1, yes[0])
     del yes[0], no[0]
@@ -119,7 +119,7 @@ def _one_differs(arms: _Arms, live: Liveness) -> bool:
     ):
         return False
     # the rewritten code leaves the result in W, where the second arm left W alone
-    if live.after[same] & W_BIT or not _passes(arms.test, begin):
+    if live.after[same] & W_BIT or not goes_through(arms.test, begin):
         return False
     skip = _turned(arms.test)
     arms.first.instructions[-1:] = [begin, skip]
@@ -155,7 +155,7 @@ def _two_constants(arms: _Arms, live: Liveness) -> bool:
     return True
 
 
-def _passes(test: Instruction, ins: Instruction) -> bool:
+def goes_through(test: Instruction, ins: Instruction) -> bool:
     """Return whether an instruction does the same before a test, and the test after it.
 
     A test of C, DC or Z must not see the instruction's flags, nor a test of a byte what it writes.
@@ -205,7 +205,7 @@ def _choice(blocks: list[Block], named: Counter[str]) -> bool:
         return False
     if yes.op == other.op == "MOVLW":
         new = [other.copy(), _turned(test), yes.copy()]
-    elif _stays(test, yes) and _stays(test, other):
+    elif stays_in(test, yes) and stays_in(test, other):
         new = [test.copy(), other.copy(), _turned(test), yes.copy()]
     else:
         return False
@@ -224,7 +224,7 @@ def _turned(test: Instruction) -> Instruction:
     return inverted
 
 
-def _stays(test: Instruction, ins: Instruction) -> bool:
+def stays_in(test: Instruction, ins: Instruction) -> bool:
     """Return whether a bit can be tested again after an instruction that may be skipped."""
     if ins.op in (DELAY, "CALL") or ins.ends_block:
         return False

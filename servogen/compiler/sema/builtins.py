@@ -463,12 +463,12 @@ def bit_cycles(analyser: Analyser, baud: int, node: Any) -> int:
 
 
 def builtin_names(analyser: Analyser) -> list[str]:
-    return [name for name, (dialects, _, _) in _TABLE.items() if analyser.dialect in dialects]
+    return [name for name, (dialects, _, _) in BUILTINS.items() if analyser.dialect in dialects]
 
 
 def builtin(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> tree.Expr | None:
     """Return the meaning of a call of a built-in function; None if the name is not one."""
-    row = _TABLE.get(name)
+    row = BUILTINS.get(name)
     if row is None or analyser.dialect not in row[0]:
         if row is not None:
             raise analyser.fail(
@@ -491,7 +491,7 @@ def builtin(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> t
 
 _Handler = Callable[[Analyser, str, Any, list[Any]], tree.Expr]
 _BOTH, _C, _X = (C2C, XC8), (C2C,), (XC8,)
-_TABLE: dict[str, tuple[tuple[str, ...], int | None, _Handler]] = {
+BUILTINS: dict[str, tuple[tuple[str, ...], int | None, _Handler]] = {
     # name: dialects, number of arguments (None: any), meaning
     **dict.fromkeys(("set_bit", "clear_bit", "test_bit", "toggle_bit"), (_C, 2, bit_function)),
     **dict.fromkeys(

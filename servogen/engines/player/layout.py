@@ -249,7 +249,7 @@ def demand(
     rooms = [widths.room(servo, clock) for servo, widths in zip(servos, used, strict=True)]
     pairs = _by_length(servos, rooms)
     longest = _longest(pairs, rooms, STAGGER if frame.max_together == 1 else NONE)
-    size = _Frame(longest, SLOT_C, motion_c, TICKS[0], frame.period.cycles)
+    size = FrameTimes(longest, SLOT_C, motion_c, TICKS[0], frame.period.cycles)
     lengths = [Cycles(size.whole(width, SLOT_C) * TICKS[0]) for width in longest]
     slots = tuple((pair, length) for (_, pair), length in zip(pairs, lengths, strict=True))
     return Demand(slots, Cycles(size.minimum * TICKS[0] - sum(lengths)))
@@ -279,7 +279,7 @@ def _slots(
     """Return the slots and the tick with which the pairs fit a frame; None if they do not."""
     fed = clock.round_us(WATCHDOG_US).cycles
     for tick, maximum, ease in product(TICKS, (fed, None), EASES):
-        size = _Frame(longest, ease[0] * SLOT_C, ease[1] * motion_c, tick, frame.period.cycles)
+        size = FrameTimes(longest, ease[0] * SLOT_C, ease[1] * motion_c, tick, frame.period.cycles)
         # The reserve for other compilers' code must not delay clearing the watchdog.
         ticks = size.ticks(maximum, exceed=ease == EASES[-1])
         if ticks is not None:
@@ -316,7 +316,7 @@ def _slot(longest: int, c: int, tick: int) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class _Frame:
+class FrameTimes:
     """The components of a frame's ticks, in cycles: the longest pulse of each slot, and the time of the C."""
 
     longest: tuple[int, ...]

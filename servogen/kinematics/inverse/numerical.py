@@ -104,7 +104,7 @@ def search(
             spread = random.uniform(lower, upper, guess.shape)
             guess[:, ~idle] = spread[:, ~idle]
         turn = None if rotation is None else rotation[which]
-        q = _descend(arm, guess, position[which], turn, tolerance)
+        q = descend(arm, guess, position[which], turn, tolerance)
         error = _errors(arm, q, position[which], turn)
         first = np.argmin(error.sum(axis=0).reshape(-1, starts_at_once), axis=1) + starts_at_once * np.arange(
             len(open_)
@@ -170,7 +170,7 @@ def _meeting(arm: Arm, starts: Floats, position: Floats, rotation: Floats | None
             break
         places = np.broadcast_to(position, (len(q), 3))
         turns = None if rotation is None else np.broadcast_to(rotation, (len(q), 3, 3))
-        q = _descend(arm, q, places, turns, 1e-10, iterations)
+        q = descend(arm, q, places, turns, 1e-10, iterations)
         q = q[(_errors(arm, q, places, turns) <= limit).all(axis=0)]
     return q
 
@@ -179,7 +179,7 @@ def improved(
     arm: Arm, q: Floats, position: Floats, rotation: Floats | None, tolerance: float = 1e-10
 ) -> Floats:
     """Return joint positions (m, n) that have descended towards their targets, within the limits."""
-    return _descend(arm, q, position, rotation, tolerance, FEW_ITERATIONS)
+    return descend(arm, q, position, rotation, tolerance, FEW_ITERATIONS)
 
 
 def _idle(arm: Arm, oriented: bool) -> NDArray[np.bool_]:
@@ -200,7 +200,7 @@ def _errors(arm: Arm, q: Floats, position: Floats, rotation: Floats | None) -> F
     return np.stack([distance, np.linalg.norm(turn, axis=1)])
 
 
-def _reach(arm: Arm) -> float:
+def reach_of(arm: Arm) -> float:
     """Return the length, about the size of the arm, by which an angle of one radian is weighted."""
     lengths = arm.length
     fixed = sum(abs(row.d.value(lengths)) + abs(row.a.value(lengths)) for row in arm.rows)
@@ -212,7 +212,7 @@ class _Task:
     """Errors (m, k) and Jacobians (m, k, n) in metres: angles are weighted by the arm's size."""
 
     def __init__(self, arm: Arm, position: Floats, rotation: Floats | None) -> None:
-        self.arm, self.position, self.rotation, self.weight = arm, position, rotation, 0.5 * _reach(arm)
+        self.arm, self.position, self.rotation, self.weight = arm, position, rotation, 0.5 * reach_of(arm)
 
     def at(self, q: Floats, which: NDArray[np.intp]) -> tuple[Floats, Floats]:
         """Return the errors (m, k) and Jacobians (m, k, n) of the targets `which` at positions `q` (m, n)."""
@@ -225,7 +225,7 @@ class _Task:
         return np.concatenate([error, self.weight * turn], axis=1), matrix
 
 
-def _descend(
+def descend(
     arm: Arm,
     q: Floats,
     position: Floats,
@@ -282,7 +282,7 @@ def _descend(
 def nearest(arm: Arm, q: Floats, position: Floats) -> Floats:
     """Return `q` (m, n) moved to the nearest local minimum of the distance from a point (3,), by Newton.
 
-    `_descend` neglects how the path bends, which is what counts where the distance does not become 0.
+    `descend` neglects how the path bends, which is what counts where the distance does not become 0.
     """
     lower, upper = limits(arm)
     count = len(lower)

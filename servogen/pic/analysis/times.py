@@ -136,7 +136,7 @@ class ProgramTimes:
             return None, "the interrupt does not restore every register that it changes"
         if paths.timer_requests:
             return None, "the program may set T0IF itself"
-        if not self._clears_its_flag():
+        if not self.clears_its_flag():
             return None, "the interrupt may return without clearing T0IF"
         period, why = self.overflow_period()
         if period is None:
@@ -166,7 +166,7 @@ class ProgramTimes:
             if row is not None and row.instruction.mnemonic == "RETFIE"
         ]
 
-    def _clears_its_flag(self) -> bool:
+    def clears_its_flag(self) -> bool:
         """Return whether T0IF is clear on every path through the interrupt, because the path clears it, or
         has found it clear.
         """

@@ -261,10 +261,10 @@ def _fit(signals: PairedSignals, line: FittedLine) -> FittedLine | None:
     residual = t - line.steps(s)
     away = np.abs(residual - np.median(residual))
     good = away <= max(2 * signals.quantum, 5 * float(np.median(away)))
-    return _regression(s[good], t[good], signals)
+    return regression(s[good], t[good], signals)
 
 
-def _regression(s: Floats, t: Floats, signals: PairedSignals) -> FittedLine:
+def regression(s: Floats, t: Floats, signals: PairedSignals) -> FittedLine:
     middle, height = float(s.mean()), float(t.mean())
     spread = float(((s - middle) ** 2).sum())
     if len(s) > 2 and spread > 0:

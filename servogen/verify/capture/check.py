@@ -131,7 +131,7 @@ def _verdict(
     expected: Expected, captured: EdgeTrace, allowed: Tolerances, sampled: Sampling
 ) -> CaptureVerdict:
     """Return the verdict on one continuous capture."""
-    setup = _set_up(expected, captured, allowed, sampled)
+    setup = set_up(expected, captured, allowed, sampled)
     line = align(setup.signals)
     if line is None:
         return _facts(setup, None, {})
@@ -150,7 +150,7 @@ def _verdict(
     return _facts(setup, line, judged)
 
 
-def _set_up(expected: Expected, captured: EdgeTrace, allowed: Tolerances, sampled: Sampling) -> _Setup:
+def set_up(expected: Expected, captured: EdgeTrace, allowed: Tolerances, sampled: Sampling) -> _Setup:
     end = int(captured.end)
     step_us, cycle_us = float(captured.clock.cycle_us), float(expected.clock.cycle_us)
     nominal = cycle_us / step_us
@@ -329,7 +329,7 @@ def split(captured: EdgeTrace, pieces: Sequence[tuple[int, int]]) -> Iterator[Ed
 
 def merged(verdicts: Sequence[CaptureVerdict], begins_us: Sequence[float]) -> CaptureVerdict:
     """Return the verdict on all pieces, from the verdict on each and its beginning."""
-    ppm, ppm_error = _joint_clock(verdicts)
+    ppm, ppm_error = joint_clock(verdicts)
     mismatches = [
         replace(verdict.first_mismatch, time_us=verdict.first_mismatch.time_us + begin)
         for verdict, begin in zip(verdicts, begins_us, strict=True)
@@ -372,7 +372,7 @@ def merged(verdicts: Sequence[CaptureVerdict], begins_us: Sequence[float]) -> Ca
     )
 
 
-def _joint_clock(verdicts: Iterable[CaptureVerdict]) -> tuple[float | None, float | None]:
+def joint_clock(verdicts: Iterable[CaptureVerdict]) -> tuple[float | None, float | None]:
     """Return the mean of the clock errors, weighted by their standard errors."""
     known = [
         (verdict.ppm, verdict.ppm_error)

@@ -52,7 +52,7 @@ from servogen.compiler.ast.types import (
 from servogen.compiler.codegen.expressions import effect, into
 from servogen.compiler.codegen.float_routines import FLOAT_ROUTINES, build_float
 from servogen.compiler.codegen.generator import Context, FunctionGenerator
-from servogen.compiler.codegen.program import _LOWERING
+from servogen.compiler.codegen.program import LOWERING
 from servogen.compiler.codegen.routines import Routines
 from servogen.compiler.codegen.runtime import build
 from servogen.compiler.codegen.statements import statement
@@ -125,7 +125,7 @@ class Code:
             isr=False,
         )
         definition: Any = SimpleNamespace(name="f", place=AT)
-        emit(FunctionGenerator(definition, context, _LOWERING))
+        emit(FunctionGenerator(definition, context, LOWERING))
 
     def run(self, values: dict[Symbol, int]) -> Chip:
         chip = Chip({"f": self.function} | self.library.functions)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from itertools import product
 
 from servogen.compiler.emit.delay_loops import LoopNest, filler, instructions, plan
-from servogen.compiler.emit.delays import _Entry, counters, expand_delays
+from servogen.compiler.emit.delays import Entry, counters, expand_delays
 from servogen.compiler.ir.function import Function
 from servogen.compiler.ir.instruction import Instruction
 from tests.compiler.cases import every
@@ -175,16 +175,16 @@ def test_adjacent_delays_are_one() -> None:
     ("entry", "least", "most"),
     [
         # MOVLW, CALL, ADDLW, BTFSS skipping, RETURN: 8 cycles; 4 for each further turn, 5 may be left over
-        (_Entry(1), 8, 8 + 4 * 255 + 5),
+        (Entry(1), 8, 8 + 4 * 255 + 5),
         # MOVLW, MOVWF and DECFSZ skipping take 4 more; 1026 for each further turn of the outer counter
-        (_Entry(2), 12, 12 + 4 * 255 + 1026 * 255 + 5),
+        (Entry(2), 12, 12 + 4 * 255 + 1026 * 255 + 5),
         # CLRF, BSF for each bit and GOTO instead of MOVLW and MOVWF; bit 8 of 256 is none
-        (_Entry(2, 2), 12 + 1026 + 2, 12 + 1026 + 2 + 4 * 255 + 5),
-        (_Entry(2, 3), 12 + 2052 + 3, 12 + 2052 + 3 + 4 * 255 + 5),
-        (_Entry(2, 256), 12 + 255 * 1026 + 1, 12 + 255 * 1026 + 1 + 4 * 255 + 5),
+        (Entry(2, 2), 12 + 1026 + 2, 12 + 1026 + 2 + 4 * 255 + 5),
+        (Entry(2, 3), 12 + 2052 + 3, 12 + 2052 + 3 + 4 * 255 + 5),
+        (Entry(2, 256), 12 + 255 * 1026 + 1, 12 + 255 * 1026 + 1 + 4 * 255 + 5),
     ],
 )
-def test_a_shared_loop_reaches_every_delay_of_its_range(entry: _Entry, least: int, most: int) -> None:
+def test_a_shared_loop_reaches_every_delay_of_its_range(entry: Entry, least: int, most: int) -> None:
     assert entry.fit(least - 1) is None and entry.fit(most + 1) is None
     setting = len(entry.bits) + 1 if entry.turns else 0
     ends = [*range(least, least + 1100), *range(most - 1100, most + 1)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import product
 
-from servogen.compiler.passes.branch_simplify import _passes, _stays, short_branches
+from servogen.compiler.passes.branch_simplify import goes_through, short_branches, stays_in
 from servogen.errors import Location
 from tests.compiler.cases import every
 from tests.compiler.ir.assembly import Names, check, function
@@ -264,7 +264,7 @@ def test_what_may_pass_a_test_and_after_what_it_may_be_repeated() -> None:
         for name in BYTES:
             names[name]
         test, ins = function(f"BTFSC {flag}; {other}", names).instructions()
-        passes, stays = _passes(test, ins), _stays(test, ins)
+        passes, stays = goes_through(test, ins), stays_in(test, ins)
         assert isinstance(passes, bool) and isinstance(stays, bool)
         allowed[0] += passes
         allowed[1] += stays

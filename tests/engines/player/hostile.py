@@ -62,21 +62,21 @@ class Base:
 
 
 @cache
-def _played() -> tuple[object, object]:
+def played_by() -> tuple[object, object]:
     job = plan_job(loads(JOB, "hostile.toml"))
     return job, play(job)[1]
 
 
 @cache
 def _text(dialect: str) -> str:
-    job, played = _played()
+    job, played = played_by()
     return compiled(job, played, dialect).text  # type: ignore[arg-type]
 
 
 @cache
 def base(dialect: str, level: str, order: int) -> Base | None:
     """Return the program with its declarations in an order, and its edges; None where it does not fit."""
-    job, played = _played()
+    job, played = played_by()
     text = _reordered(_text(dialect), random.Random(order))
     options = Options(dialect=dialect, device=job.device, optimise=level)  # type: ignore[attr-defined]
     try:
@@ -103,7 +103,7 @@ def run(base: Base, image: Image) -> tuple[EdgeChunk, bool, int, int]:
     """Return the edges from the first one on, whether `overrun` is set, and the most cycles that the C took
     between two slots and between two frames.
     """
-    _, played = _played()
+    _, played = played_by()
     schedule, slots = played.plan.schedule, len(played.layout.slots)  # type: ignore[attr-defined]
     machine = machine_of(schedule, image)
     listing = base.compilation.listing

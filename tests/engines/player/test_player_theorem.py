@@ -21,7 +21,7 @@ from servogen.pic.known_values import word_of
 from servogen.pic.listing import Listing
 from servogen.simulator import Machine
 from servogen.workflows.job_build import report
-from tests.engines.player.hostile import Base, _played, base, outcome, run
+from tests.engines.player.hostile import Base, base, outcome, played_by, run
 from tests.engines.player.player_jobs import ROOT, built, built_text, job_text, sweep
 
 LONGEST = dict.fromkeys(range(12), 127)
@@ -96,7 +96,7 @@ class Gap:
 
 def gaps(found: Base, image: Image, frames: int = 3) -> list[Gap]:
     """Return the slots with pulses of some frames, up to the first that comes too late."""
-    _, played = _played()
+    _, played = played_by()
     slots = played.layout.slots  # type: ignore[attr-defined]
     machine = machine_of(played.plan.schedule, image)  # type: ignore[attr-defined]
     listing = found.compilation.listing
@@ -129,7 +129,7 @@ def _edges_until(machine: Machine, address: int) -> EdgeChunk:
 
 def test_the_kernel_ends_as_long_after_its_pulses_as_the_theorem_reckons_with() -> None:
     found = simple()
-    _, played = _played()
+    _, played = played_by()
     layout = played.layout  # type: ignore[attr-defined]
     spent = layout.slots[1].ticks * layout.tick - 1 - layout.slots[0].longest
     spent -= allowances(found.compilation.listing, _two_slots(layout))[0].same_edges
@@ -145,7 +145,7 @@ def _two_slots(layout: SlotLayout) -> SlotLayout:
 def test_the_bit_is_set_from_the_first_cycle_that_is_too_late() -> None:
     """Late is a look at the timer in the next slot's tick or after it, whatever the C did."""
     found = simple()
-    _, played = _played()
+    _, played = played_by()
     layout = played.layout  # type: ignore[attr-defined]
     to_rise = 3 * layout.tick + 6
     reference = run(found, found.image)
@@ -174,7 +174,7 @@ def changed(listing: Listing, change: Callable[[dict[int, int]], None]) -> Listi
 def test_a_kernel_whose_lock_or_loops_are_changed_has_no_theorem() -> None:
     found = simple()
     listing = found.compilation.listing
-    _, played = _played()
+    _, played = played_by()
     kernel = next(each for each in listing.functions if each.name == KERNEL)
     goto_next = {at: encode("GOTO", k=at + 1) for at in range(kernel.start, kernel.end)}
     refused, kept = 0, []
@@ -215,7 +215,7 @@ def test_a_kernel_whose_lock_or_loops_are_changed_has_no_theorem() -> None:
 def test_a_kernel_with_a_word_that_is_not_followed_has_no_theorem(word: int, message: str) -> None:
     """The NOP before the first pulse's loops, and the clearing of the watchdog before both."""
     listing = simple().compilation.listing
-    _, played = _played()
+    _, played = played_by()
     assert 0x4F not in {at for at, _, _ in listing.variables}
     for at in (listing.label("pl_loop1") - 1, listing.label("pl_loops")):
         other = changed(listing, lambda words, at=at: words.update({at: word}))  # type: ignore[misc]
@@ -226,7 +226,7 @@ def test_a_kernel_with_a_word_that_is_not_followed_has_no_theorem(word: int, mes
 def test_a_kernel_with_other_pulses_or_without_an_end_has_no_theorem() -> None:
     """Each write of the port is needed as it is: W, which is a mask, or 0."""
     listing = simple().compilation.listing
-    _, played = _played()
+    _, played = played_by()
     words = {row.address: row.word for row in listing.rows}
     writes = encode("MOVWF", f=0), encode("CLRF", f=0)
     mutants = [
@@ -246,7 +246,7 @@ def test_a_kernel_with_other_pulses_or_without_an_end_has_no_theorem() -> None:
 
 def test_the_allowances_are_the_smallest_of_all_pairs_of_slots() -> None:
     listing = simple().compilation.listing
-    _, played = _played()
+    _, played = played_by()
     layout = played.layout  # type: ignore[attr-defined]
     three = replace(layout, slots=layout.slots[:3])
     pairs = [allowances(listing, replace(layout, slots=pair))[0] for pair in pairwise(three.slots)]
@@ -259,7 +259,7 @@ def test_the_allowances_are_the_smallest_of_all_pairs_of_slots() -> None:
 def test_the_words_behind_the_pulses_restore_what_the_next_slot_needs() -> None:
     """`target` was moved by 3 while the kernel waited; `overrun` is for the C."""
     listing = simple().compilation.listing
-    _, played = _played()
+    _, played = played_by()
     done = listing.label("pl_done")
     words = {row.address: row.word for row in listing.rows}
     assert [words[done + n] for n in (0, 1)] == [encode("CLRWDT"), encode("MOVLW", k=3)]
@@ -273,7 +273,7 @@ def test_the_words_behind_the_pulses_restore_what_the_next_slot_needs() -> None:
 
 def test_a_kernel_that_takes_every_slot_for_late_has_no_theorem() -> None:
     listing = simple().compilation.listing
-    _, played = _played()
+    _, played = played_by()
     check = listing.label("pl_check")  # SUBWF, ADDWF, BTFSS C, BSF overrun
     early = changed(listing, lambda words: words.update({check + 2: encode("BTFSC", f=3, b=0)}))
     ticks = played.layout.slots[1].ticks  # type: ignore[attr-defined]
@@ -307,7 +307,7 @@ def test_build_prints_both_bounds() -> None:
 def test_late_c_is_seen_up_to_the_second_bound_and_not_a_cycle_longer() -> None:
     """256 ticks after the slot before, the timer looks as it did in that slot: not late."""
     found = simple()
-    _, played = _played()
+    _, played = played_by()
     layout = played.layout  # type: ignore[attr-defined]
     first = gaps(found, delayed(found, 100), 1)[0]
     last_seen = 256 * layout.tick - 1 - (first.check - first.rise + 3 * layout.tick + 6) + 100
@@ -324,7 +324,7 @@ def test_late_c_is_seen_up_to_the_second_bound_and_not_a_cycle_longer() -> None:
 def test_a_look_at_the_timer_in_the_last_cycle_changes_no_edge() -> None:
     """The loop that waits then reads the timer three cycles into its tick; five would be too late, unseen."""
     found = simple()
-    _, played = _played()
+    _, played = played_by()
     layout = played.layout  # type: ignore[attr-defined]
     cycles = layout.slots[1].ticks * layout.tick
     first = gaps(found, delayed(found, 100), 1)[0]
@@ -337,7 +337,7 @@ def test_a_look_at_the_timer_in_the_last_cycle_changes_no_edge() -> None:
 
 def test_a_kernel_that_records_nothing_sees_no_lateness() -> None:
     found = simple()
-    _, played = _played()
+    _, played = played_by()
     bit = encode("BSF", f=found.address("overrun"), b=0)
     listing = found.compilation.listing
     silent = changed(
@@ -351,7 +351,7 @@ def test_a_kernel_that_records_nothing_sees_no_lateness() -> None:
 def test_a_kernel_does_the_same_at_any_address_with_its_variables_anywhere() -> None:
     """Kernels of programs that differ only in these share what is reckoned of one of them."""
     listing = simple().compilation.listing
-    _, played = _played()
+    _, played = played_by()
     kernel = next(each for each in listing.functions if each.name == KERNEL)
     by = 0x180
     words = {}

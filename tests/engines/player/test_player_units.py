@@ -24,7 +24,7 @@ from servogen.engines.inputs.commands import (
 )
 from servogen.engines.player.encoding import WidthScale, row_table, shift_of
 from servogen.engines.player.firmware import cautions
-from servogen.engines.player.layout import Used, _Frame, layout
+from servogen.engines.player.layout import FrameTimes, Used, layout
 from servogen.engines.player.script import ScriptStep, StepTiming, script, timing
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
@@ -115,9 +115,9 @@ def servo(pin: str, limits: tuple[float, float] = (1000, 2000)) -> Any:
 FRAME = JOB.frame
 
 
-def frame(longest: tuple[int, ...], period: int, **changes: int) -> _Frame:
+def frame(longest: tuple[int, ...], period: int, **changes: int) -> FrameTimes:
     values = {"slot_c": 200, "frame_c": 1000, "tick": 32} | changes
-    return _Frame(longest, values["slot_c"], values["frame_c"], values["tick"], period)
+    return FrameTimes(longest, values["slot_c"], values["frame_c"], values["tick"], period)
 
 
 def ticks(cycles: int, tick: int = 32) -> int:

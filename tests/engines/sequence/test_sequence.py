@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from servogen.engines.c_text import RenderError, _environment
+from servogen.engines.c_text import RenderError, environment
 from servogen.engines.firmware import DIALECTS
 from servogen.engines.sequence.programs import DelayPath, Overheads
 from servogen.engines.sequence.rendering import comments_of, render
@@ -183,9 +183,9 @@ def test_an_error_in_a_template_has_its_place(
     (tmp_path / "sequence").mkdir()
     (tmp_path / "sequence" / "main.c.j2").write_text(f"/* {{{{ title }}}} */\n{wrong}\n")
     monkeypatch.setattr("servogen.engines.c_text.template_folder", lambda: tmp_path)
-    _environment.cache_clear()
+    environment.cache_clear()
     try:
         with pytest.raises(RenderError, match=rf"sequence/main\.c\.j2:2: error: {message}"):
             render(sequence(schedule, Overheads()), "c2c", device("PIC16F84"), "t")
     finally:
-        _environment.cache_clear()
+        environment.cache_clear()

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from servogen.compiler import Options, Source, compile_sources
 from servogen.edges import join
-from servogen.engines.c_text import _environment
+from servogen.engines.c_text import environment
 from servogen.engines.sequence.waits import CALLS, XC8_MAX
 from servogen.simulator import simulate
 from servogen.units import Clock, Cycles
@@ -98,7 +98,7 @@ def test_sdccs_waits_compiled_take_the_cycles_that_they_say() -> None:
     waits = [" ".join(str(call) for call in CALLS["sdcc"](Cycles(cycles), clock)) for cycles in LENGTHS]
     body = "".join(f"PORTB = 0x01; {wait} PORTB = 0x00;\n" for wait in waits)
     spoken = '{% import "sdcc.j2" as say with context %}{{ say.header() }}{{ say.waiting(long_waits) }}'
-    text = _environment().from_string(spoken).render(words)
+    text = environment().from_string(spoken).render(words)
     main = f"{text}\nvoid main(void)\n{{\nTRISB = 0xFE;\n{body}while (1) ;\n}}\n"
     made = compile_sources([Source(main, "main.c")], Options(dialect="sdcc"))
     edges = join(simulate(made.image, clock, Cycles(sum(LENGTHS) + 10_000)).edges.driven()).cycle.tolist()

@@ -354,7 +354,7 @@ def test_an_interrupt_that_may_stay_where_it_is_has_no_response_time() -> None:
 
 def clears(*words: int) -> bool:
     numbered = dict(enumerate(words, 4))
-    return ProgramTimes(numbered, Paths(executed=set(numbered), interrupts=True))._clears_its_flag()
+    return ProgramTimes(numbered, Paths(executed=set(numbered), interrupts=True)).clears_its_flag()
 
 
 def test_every_path_of_the_interrupt_has_to_clear_its_flag() -> None:
