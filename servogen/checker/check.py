@@ -203,7 +203,9 @@ class Checker:
                 key=lambda number: int(rows[number, layout.WRITE_LEFT])
             )  # of equals, the widest one
             shape = np.frombuffer(text, dtype=np.int32)
-            self._listed.append((shape, dict(zip(keys_of(rows[numbers_of], shape), numbers_of, strict=True))))
+            self._listed.append(
+                (shape, dict(zip(listed_keys(rows[numbers_of], shape), numbers_of, strict=True)))
+            )
         return rows
 
     @staticmethod
@@ -430,7 +432,7 @@ class Checker:
         """Raise Refused for a row that is within no listed state."""
         missing = np.ones(len(rows), dtype=bool)
         for shape, listed in self._listed:
-            numbers = np.array([listed.get(key, -1) if key else -1 for key in keys_of(rows, shape)])
+            numbers = np.array([listed.get(key, -1) if key else -1 for key in listed_keys(rows, shape)])
             # A write that is over earlier is over in as many ways, or fewer; a watchdog that was cleared
             # later times out later.
             ages = [layout.WRITE_LEFT, *[layout.AGE] * bool(self.board.watchdog)]
@@ -468,7 +470,7 @@ def _bits(word: int) -> list[int]:
     return [1 << bit for bit in range(word.bit_length()) if word >> bit & 1]
 
 
-def keys_of(rows: Ints, shape: Ints) -> list[bytes | None]:
+def listed_keys(rows: Ints, shape: Ints) -> list[bytes | None]:
     """Return the keys of the listed states that contain each of `rows`, among those whose unknown bits, and
     bytes that move with φ, are as in `shape`; None for a row that none can contain.
 

@@ -137,14 +137,14 @@ def _sweep_readings(
     speed, controller = controller_of(job, *settings)
     channel = controller.channels[index]
     stops = positions(channel, *span)
-    ask = question_of(channel, len(stops)) if angles is None else ask_from(angles_of(angles), stops)
+    ask = angle_question(channel, len(stops)) if angles is None else ask_from(angles_of(angles), stops)
     time = VirtualTime().time() if port is None else Time()
     opener = (lambda: nullcontext(NullWire())) if port is None else port_opener(port, speed)
     with SerialLink(opener, speed, time, 0.0) as line:
         return sweep_readings(controller, index, stops, line, time, ask)
 
 
-def question_of(channel: ControllerChannel, count: int) -> Ask:
+def angle_question(channel: ControllerChannel, count: int) -> Ask:
     """Return a function that asks on the terminal until it gets a number."""
     lines = LineCommands(sys.stdin.fileno())
     answers: list[str] = []

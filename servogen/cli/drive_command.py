@@ -117,7 +117,7 @@ def drive(job: JobFile, wire: WireOptions, request: DriveOptions, json: Json = F
             controller=controller,
             line=line,
             time=time,
-            log=log_of(json, wire.dry_run),
+            log=entry_log(json, wire.dry_run),
             stop=course.stop,
             source=source,
             on_command=on_command,
@@ -170,7 +170,7 @@ def _show_robot(job: PlannedJob, controller: ServoController, baud: int, byte_s:
     )
 
 
-def log_of(json: bool, dry_run: bool) -> Log:
+def entry_log(json: bool, dry_run: bool) -> Log:
     """Return a function that shows a drive's entries: as JSON, one per line, or the events of the line and,
     in a dry run, the bytes. Each is flushed, so that a pipe shows it at once.
     """

@@ -128,7 +128,7 @@ def rig(
     for text in bench.fault or ():
         options = with_fault(options, text)
     with status(f"{loaded.name}: planning and compiling"):
-        schedule, program, second = (pair_of if loaded.chips else _one)(loaded, hex_file)
+        schedule, program, second = (paired_rig if loaded.chips else _one)(loaded, hex_file)
     levels = {pin_number(source.pin): source.level for source in schedule.inputs}
     levels.pop(options.serial_pin, None)
     ended = threading.Event()
@@ -163,7 +163,7 @@ def _one(job: PlannedJob, file: Path | None) -> tuple[PulseSchedule, Program, No
     return played.plan.schedule, program, None
 
 
-def pair_of(job: PlannedJob, folder: Path | None) -> tuple[PulseSchedule, Program, SecondChip]:
+def paired_rig(job: PlannedJob, folder: Path | None) -> tuple[PulseSchedule, Program, SecondChip]:
     """Return the first chip's schedule and program, and the second chip; the programs are the job's, or those
     in the folder of a build. Says if the crystals of both are not what the job states.
     """

@@ -170,7 +170,7 @@ def run_to(
     }
     edges = [breakpoint for breakpoint in breakpoints if isinstance(breakpoint, AtEdge)]
     conditions = [each for each in breakpoints if isinstance(each, AtCondition | AtChange)]
-    writers = writers_of(conditions, image)
+    writers = writing_addresses(conditions, image)
 
     def wanted(chunk: EdgeChunk) -> npt.NDArray[np.bool_]:
         marked = np.zeros(len(chunk.pin), dtype=bool)
@@ -241,7 +241,7 @@ def _is_edge(breakpoint: AtEdge, pin: int, level: int) -> bool:
     return breakpoint.pin == pin and breakpoint.level in (None, level)
 
 
-def writers_of(conditions: Sequence[AtCondition | AtChange], image: Image) -> frozenset[int]:
+def writing_addresses(conditions: Sequence[AtCondition | AtChange], image: Image) -> frozenset[int]:
     """Return the addresses of the instructions that may write a byte of one of the conditions."""
     bytes_of = {
         condition.variable.address + offset

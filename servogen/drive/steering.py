@@ -308,7 +308,7 @@ def _walk_controller(job: PlannedJob, robot: WalkingRobot, rates: Rates) -> Walk
     gaits, refused = {}, None
     for command, row in rows.items():
         try:
-            gaits[command] = gait_of(job, row, segments)
+            gaits[command] = gait_frames(job, row, segments)
         except InputError as error:
             refused = refused or error
     if refused and not gaits:
@@ -321,7 +321,7 @@ def _segment(row: Mapping[str, float]) -> Segment:
     return Segment(row["forward_mm"] / 1000, row["left_mm"] / 1000, math.radians(row["turn_deg"]))
 
 
-def gait_of(job: PlannedJob, row: Mapping[str, float], others: Sequence[Segment]) -> GaitFrames:
+def gait_frames(job: PlannedJob, row: Mapping[str, float], others: Sequence[Segment]) -> GaitFrames:
     """Return one direction as start, cycle and stop, with the stance of all directions at both ends.
 
     Raises InputError if the legs cannot walk in it.

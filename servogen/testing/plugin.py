@@ -212,7 +212,7 @@ def servogen_program(request: pytest.FixtureRequest) -> Program:
     """Return the program under test, compiled or assembled if it is C or assembly."""
     path = _required(request.node, "image")
     _tested(request.node, path)
-    return program_of(request.node, path)
+    return read_once(request.node, path)
 
 
 @pytest.fixture
@@ -239,14 +239,14 @@ def servogen_target(request: pytest.FixtureRequest) -> Target:
         wires = wires_of(request.config.getoption("servogen_wire"))
         target = Replay(request.config.invocation_params.dir / replay, _name(request.node), wires)
     elif request.config.getoption("servogen_target") == "bench":
-        target = bench_of(request)
+        target = session_bench(request)
     else:
         target = Simulator()
     request.node.user_properties.append(("servogen_target", target.name))
     return target
 
 
-def bench_of(request: pytest.FixtureRequest) -> Bench:
+def session_bench(request: pytest.FixtureRequest) -> Bench:
     """Return this run's bench, one for all tests, so that no program is programmed twice."""
     from servogen.bench.inputs.wiring import input_wiring
     from servogen.testing.signals import pin_index
@@ -336,7 +336,7 @@ def servogen_machine(
         options: SimulatorOptions | None = None,
     ) -> Chip:
         path = _required(node, "image") if program is None else _beside(node, Path(program))
-        made = program_of(node, path, device)
+        made = read_once(node, path, device)
         if isinstance(servogen_target, Bench) and servogen_target.programmer is None:
             _state(node, "servogen_program", ON_THE_CHIP)
         elif not isinstance(servogen_target, Replay):
@@ -439,7 +439,7 @@ def _required(node: pytest.Item, key: str) -> Path:
     return path
 
 
-def program_of(node: pytest.Item, path: Path, device: str | None = None) -> Program:
+def read_once(node: pytest.Item, path: Path, device: str | None = None) -> Program:
     """Return the program in a file, which is compiled once for all tests of this run."""
     from servogen.programs import read_program
 
@@ -456,7 +456,7 @@ def clock_for(node: pytest.Item, program: Program | None) -> Clock:
     from servogen.programs import clock_of
 
     path = _named(node, "image") if program is None else None
-    return clock_of(program if path is None else program_of(node, path))
+    return clock_of(program if path is None else read_once(node, path))
 
 
 def _schedule(node: pytest.Item, path: Path) -> PulseSchedule:

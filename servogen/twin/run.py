@@ -232,7 +232,7 @@ class TwinRun:
         self.lead_in_frames = lead_in_frames
         self.receiver = PulseReceiver(rig.pins(job), job.clock, settings.step_s)
         self.off = unplugged_servos(rig, settings.unplugged)
-        self.sensors = [sensor_of(row, world, rig) for row in job.sensors]
+        self.sensors = [sensor_reader(row, world, rig) for row in job.sensors]
         held = [Levels(pin_number(input_.pin), ((0, input_.level),)) for input_ in schedule.inputs]
         scripted = Stimuli([*held, *(stimuli.sources if stimuli else ())])
         self.feed = Feed(scripted, job.clock) if self.sensors else None
@@ -393,7 +393,7 @@ class TwinRun:
 _AT_REST = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 
 
-def sensor_of(row: SensorTable, world: World, rig: TwinRig) -> Sensor:
+def sensor_reader(row: SensorTable, world: World, rig: TwinRig) -> Sensor:
     """Return a sensor of the job in this world."""
     pin, active = PINS.index(row.pin), int(row.level == "high")
     if row.kind == "foot":

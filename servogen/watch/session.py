@@ -220,7 +220,7 @@ class WatchSession:
             "graded": subject.graded,
             "robot": robot,
             "poses": subject.path.suffix.lower() == JOB_SUFFIX,
-            "inputs": buttons_of(subject),
+            "inputs": job_buttons(subject),
             "serial": _serial(subject),
             "bus": _bus(subject),
             "walk": _walk(subject),
@@ -1076,7 +1076,7 @@ def _servo_pins(subject: Subject) -> list[int]:
     return [servo["pin"] for servo in robot["servos"]] if robot else []
 
 
-def buttons_of(subject: Subject) -> list[Message]:
+def job_buttons(subject: Subject) -> list[Message]:
     """Return the buttons of a job: name, pin, and the level at which each is pressed."""
     if subject.job is None:
         return []

@@ -148,7 +148,7 @@ class Advice:
         return f"{counted(less, 'byte')} less: {fit.text()}" if less > 0 else fit.text()
 
     def _frame_text(self, shares: Shares) -> str:
-        demand, us = demand_of(self.job, shares), self.job.clock.us
+        demand, us = frame_demand(self.job, shares), self.job.clock.us
         slots = (f"{_names(self.job, slot)} {float(us(cycles)):g}" for slot, cycles in demand.slots)
         whole = f"{float(us(demand.minimum)):g} of {float(self.job.frame.period.achieved_us):g} µs"
         return f"{', '.join(slots)}, the C for the next frame {float(us(demand.frame_c)):g}: {whole}"
@@ -158,7 +158,7 @@ class Advice:
         job = self.job
         frame: ShortestFrame | None = None
         if self.shares is not None and self.frame_is_short:
-            demand = demand_of(job, self.shares)
+            demand = frame_demand(job, self.shares)
             frame = {
                 "slots": [
                     {"servos": [job.servos[channel].name for channel in slot], "us": _us(job, cycles)}
@@ -184,7 +184,7 @@ class Advice:
         }
 
 
-def demand_of(job: PlannedJob, shares: Shares) -> Demand:
+def frame_demand(job: PlannedJob, shares: Shares) -> Demand:
     """Return what the shortest frame of the job's pulses consists of."""
     return shares.frame(job.servos, job.frame, job.clock)
 
@@ -226,14 +226,14 @@ def advised(
     if error.code not in CODES or (isinstance(section, MotionTable) and len(section.poses) > MAX_POSES):
         return error
     end = now() + MAX_S
-    advice = Advice(job, error, shares_of(job))
-    for group in groups_of(job, error, advice.shares):
+    advice = Advice(job, error, table_shares(job))
+    for group in change_groups(job, error, advice.shares):
         for change in group:
             if now() > end:
                 advice.omitted = True
                 break
             progress(f"trying {change.text}")
-            fit = fit_of(job, change)
+            fit = tried_fit(job, change)
             if fit is not None:
                 advice.proposals.append(TriedChange(change.text, fit))
                 break
@@ -242,7 +242,7 @@ def advised(
             advice.omitted = True
             break
         progress(f"trying {change.text} alone")
-        advice.segments.append(TriedChange(change.text, fit_of(job, change)))
+        advice.segments.append(TriedChange(change.text, tried_fit(job, change)))
     text = advice.text()
     if not text:
         return error
@@ -252,7 +252,7 @@ def advised(
     return with_advice
 
 
-def shares_of(job: PlannedJob) -> Shares | None:
+def table_shares(job: PlannedJob) -> Shares | None:
     """Return what the parts of the motion take in the player; None if it cannot be encoded at all, and for a
     job of another engine.
     """
@@ -267,7 +267,7 @@ def shares_of(job: PlannedJob) -> Shares | None:
         return None
 
 
-def groups_of(job: PlannedJob, error: ServogenError, shares: Shares | None) -> Iterator[list[JobChange]]:
+def change_groups(job: PlannedJob, error: ServogenError, shares: Shares | None) -> Iterator[list[JobChange]]:
     """Yield groups of changes of the same kind, the smallest change first."""
     section = job.section
     period_us = float(job.frame.period.requested_us)
@@ -479,7 +479,7 @@ def _limit(servo: Servo, angle: float, *, outward: bool) -> tuple[str, float] | 
     return ("max_deg" if upwards else "min_deg", degrees) if inside else None
 
 
-def fit_of(job: PlannedJob, change: JobChange) -> ResourceUse | None:
+def tried_fit(job: PlannedJob, change: JobChange) -> ResourceUse | None:
     """Return the resources of the changed job; None if it cannot be built."""
     try:
         other = plan_job(changed(job, change.edits))

@@ -250,8 +250,8 @@ def contains(listed: chip.Ints, state: chip.Ints) -> bool:
     """Return whether the first state contains the second, by the keys of the checker."""
     cells = listed[check.BYTES].astype(np.int32)
     shape = np.where(cells >> 16, 1 << 16, cells & UNKNOWN)
-    (key,) = check.keys_of(listed[None], shape)
-    return key is not None and check.keys_of(state[None], shape)[0] == key
+    (key,) = check.listed_keys(listed[None], shape)
+    return key is not None and check.listed_keys(state[None], shape)[0] == key
 
 
 def bytes_of(cell: int, phase: int) -> set[int]:

@@ -10,7 +10,7 @@ from servogen.debug.breakpoints import (
     AtEdge,
     first_stop,
     parse_breakpoint,
-    writers_of,
+    writing_addresses,
 )
 from servogen.debug.pins import explain_pin
 from servogen.debug.symbols import ListedLine, Variable, current_line, line_at, routine, variable
@@ -139,9 +139,9 @@ def test_thewriters_of_of_a_condition_write_its_bytes_or_through_fsr() -> None:
     )
     made = assemble(f' include "p16f84.inc"\n{source} end').image
     two = [AtCondition("", Variable(0x20, 2), "==", 1)]
-    assert writers_of(two, made) == {0, 1, 4, 6, 8}
-    assert writers_of([*two, AtCondition("", Variable(0x22, 1), "==", 1)], made) == {0, 1, 2, 4, 6, 8}
-    assert writers_of([], made) == frozenset()
+    assert writing_addresses(two, made) == {0, 1, 4, 6, 8}
+    assert writing_addresses([*two, AtCondition("", Variable(0x22, 1), "==", 1)], made) == {0, 1, 2, 4, 6, 8}
+    assert writing_addresses([], made) == frozenset()
 
 
 def test_the_first_edge_of_a_recording_that_is_asked_for() -> None:

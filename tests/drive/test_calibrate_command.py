@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from servogen.cli.calibrate_command import question_of
+from servogen.cli.calibrate_command import angle_question
 from servogen.drive.controller import ControllerChannel, ServoController, controller_of
 from servogen.drive.serial_link import SerialLink
 from servogen.drive.sweep import Sweep, ask_from, positions, sweep_readings
@@ -117,7 +117,7 @@ def test_the_question_is_seen_before_its_answer_is_waited_for(
         monkeypatch.setattr(sys, "stdin", keys)
         monkeypatch.setattr(sys, "stdout", screen)
         sweep = SimpleNamespace(at=0, wait_for=lambda _: seen.append(screen.shown) or "90")
-        assert question_of(channel, 3)(sweep, 1) == pytest.approx(math.pi / 2)  # type: ignore[arg-type]
+        assert angle_question(channel, 3)(sweep, 1) == pytest.approx(math.pi / 2)  # type: ignore[arg-type]
     assert seen == ["2 of 3, 1500.0 µs: what do you see, °? "]
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from servogen.cli.drive_command import log_of
+from servogen.cli.drive_command import entry_log
 from tests.drive.conftest import ROOT, Run, Serial
 
 JOBS = ROOT / "jobs"
@@ -71,7 +71,7 @@ def test_the_bytes_are_shown_in_a_dry_run_only_and_events_on_standard_error(
     sent = {"s": 0.02, "bytes": "FF 00 7F", "servo": "arm", "position": 127, "width_us": 1500.0}
     group = {"s": 0.04, "bytes": "FF F1"}
     for dry_run in (True, False):
-        log = log_of(False, dry_run)
+        log = entry_log(False, dry_run)
         for entry in (
             sent,
             group,

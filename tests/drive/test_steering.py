@@ -158,7 +158,7 @@ def cut(monkeypatch: pytest.MonkeyPatch, wrong: float, steady: float, stop: int 
         return SimpleNamespace(trajectory=SimpleNamespace(angles=angles[:, None], loop_start=4))
 
     monkeypatch.setattr(module, "plan_job", walk)
-    found = module.gait_of(SimpleNamespace(file="a.toml"), {"forward_mm": 1.0}, ())  # type: ignore[arg-type]
+    found = module.gait_frames(SimpleNamespace(file="a.toml"), {"forward_mm": 1.0}, ())  # type: ignore[arg-type]
     parts = (found.start, found.cycle, found.stop)
     assert [part[:, 0].tolist() for part in parts] == [[0, 1, 2, 3], [4, 5, 6], [7, 0]]
     return asked

@@ -139,10 +139,10 @@ def test_the_size_of_an_arm_is_the_sum_of_its_lengths_and_slides() -> None:
     lengths = SCARA.length
     slide = SCARA.joints[2]
     rows = sum(abs(row.d.value(lengths)) + abs(row.a.value(lengths)) for row in SCARA.rows)
-    assert numerical.reach_of(SCARA) == pytest.approx(rows + slide.upper - slide.lower)
+    assert numerical.arm_size(SCARA) == pytest.approx(rows + slide.upper - slide.lower)
     further = replace(slide, lower=slide.lower - 0.05)
     longer = replace(SCARA, joints=(*SCARA.joints[:2], further, SCARA.joints[3]))
-    assert numerical.reach_of(longer) == pytest.approx(numerical.reach_of(SCARA) + 0.05)
+    assert numerical.arm_size(longer) == pytest.approx(numerical.arm_size(SCARA) + 0.05)
     assert lengths["l1"] + lengths["l2"] < rows <= 2 * sum(lengths.values())
 
 
@@ -158,7 +158,7 @@ def by_the_book(
     """
     lower, upper = limits(robot)
     free = np.array([joint.turning for joint in robot.joints]) & (upper - lower > 6.283)
-    weight = 0.5 * numerical.reach_of(robot)
+    weight = 0.5 * numerical.arm_size(robot)
 
     def error(at: np.ndarray) -> np.ndarray:
         pose = fk(robot, at)

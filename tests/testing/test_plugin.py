@@ -451,10 +451,10 @@ def test_one_bench_serves_the_whole_run_with_its_inputs() -> None:
         request: Any = SimpleNamespace(
             config=config(**{**options, **changes}), getfixturevalue=lambda name: folder
         )
-        return plugin.bench_of(request), request
+        return plugin.session_bench(request), request
 
     made, request = bench()
-    assert plugin.bench_of(request) is made
+    assert plugin.session_bench(request) is made
     assert (made.port, made.programmer, made.programmer_port, made.device, made.folder.name) == (
         *("/dev/ttyACM0", "picpro", "/dev/ttyUSB0", "PIC16F84A"),
         "servogen-bench",
@@ -484,7 +484,7 @@ def test_a_program_is_read_once_for_each_device_and_its_remarks_are_warnings(
         given = node(tmp_path, mark, made)
         given.warn = warned.append
         for device in (None, "PIC16F84A"):
-            assert plugin.program_of(given, tmp_path / "a.hex", device).clock == Clock(10_000_000)
+            assert plugin.read_once(given, tmp_path / "a.hex", device).clock == Clock(10_000_000)
         assert plugin.clock_for(given, None) == Clock(10_000_000)
         assert plugin.clock_for(given, Program(Image({}), clock=MHZ4)) == MHZ4
     assert read == [("a.hex", None), ("a.hex", "PIC16F84A")]

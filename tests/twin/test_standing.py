@@ -23,7 +23,7 @@ from servogen.kinematics.transforms import rot
 from servogen.twin import Ground, TwinSettings, run
 from servogen.twin.live import LiveTwin
 from servogen.twin.planned import planned_of
-from servogen.twin.run import sensor_of, standing
+from servogen.twin.run import sensor_reader, standing
 from servogen.twin.world import mujoco
 from servogen.units import Clock
 from tests.twin.walking import AHEAD, JOBS, text_of
@@ -83,7 +83,7 @@ def test_sensors_read_the_bodies_at_their_thresholds(walk: PlannedJob) -> None:
         SensorTable(pin="RA2", kind="end-stop", of="L1_alpha", at_deg=10, level="high"),
         SensorTable(pin="RA3", kind="stall", above_a=1.25),
     )
-    foot, below, above, stall = (sensor_of(row, world, rig) for row in rows)
+    foot, below, above, stall = (sensor_reader(row, world, rig) for row in rows)
     assert [(each.pin, each.active) for each in (foot, below, above, stall)] == [
         (0, 0),
         (1, 0),
@@ -147,11 +147,11 @@ def carrying() -> PlannedJob:
 
 def test_an_end_stop_of_a_slide_is_in_millimetres(carrying: PlannedJob) -> None:
     rig, _, world = standing(carrying, TwinSettings())
-    sensor = sensor_of(SensorTable(pin="RA0", kind="end-stop", of="q3", at_mm=50), world, rig)
+    sensor = sensor_reader(SensorTable(pin="RA0", kind="end-stop", of="q3", at_mm=50), world, rig)
     for place, pressed in ((0.0499, False), (0.05, True), (0.2, True), (-0.05, False)):
         world.data.joint("q3").qpos[0] = place
         assert sensor.reads() == pressed
-    zero = sensor_of(SensorTable(pin="RA0", kind="end-stop", of="q3", at_mm=0, side="below"), world, rig)
+    zero = sensor_reader(SensorTable(pin="RA0", kind="end-stop", of="q3", at_mm=0, side="below"), world, rig)
     world.data.joint("q3").qpos[0] = 0.0
     assert zero.reads()
 

@@ -658,7 +658,7 @@ def test_the_buttons_of_a_job_have_names() -> None:
     def inputs(commands: Any, start: Any = None, stop: Any = None) -> list[tuple[str, str, int]]:
         buttons = SimpleNamespace(start=start, stop=stop)
         subject: Any = SimpleNamespace(job=SimpleNamespace(buttons=buttons, commands=commands))
-        return [(each["name"], each["pin"], each["pressed"]) for each in session_module.buttons_of(subject)]
+        return [(each["name"], each["pin"], each["pressed"]) for each in session_module.job_buttons(subject)]
 
     ra2, rb7 = ButtonPin("RA2", 0), ButtonPin("RB7", 1)
     assert inputs(None) == [] and inputs(None, ra2) == [("start", "RA2", 0)]

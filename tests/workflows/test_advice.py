@@ -138,9 +138,9 @@ def test_once_time_is_up_no_segment_of_a_route_is_tried_either(monkeypatch: pyte
     """Of two segments, only the first begins in time; the hint says so, and so do the details."""
     route = "route = [{ forward_mm = 40, cycles = 1 }, { turn_deg = 20, cycles = 1 }]"
     job = plan_job(loads(TRIPOD.replace(ROUTE, route), "job.toml"))
-    monkeypatch.setattr(advice, "groups_of", lambda *_: [])
-    monkeypatch.setattr(advice, "shares_of", lambda *_: None)
-    monkeypatch.setattr(advice, "fit_of", lambda *_: None)
+    monkeypatch.setattr(advice, "change_groups", lambda *_: [])
+    monkeypatch.setattr(advice, "table_shares", lambda *_: None)
+    monkeypatch.setattr(advice, "tried_fit", lambda *_: None)
     told: list[str] = []
     clock = iter([0.0, advice.MAX_S, *[advice.MAX_S + 0.1] * 9])
     found = advice.advised(job, ResourceError("does-not-fit", "no"), told.append, lambda: next(clock))
@@ -359,7 +359,7 @@ def test_what_two_chips_cannot_hold_is_refused_with_what_they_can(monkeypatch: p
         raise ResourceError("does-not-fit", "no")
 
     monkeypatch.setattr(pair_workflow, "build_alone", no)
-    monkeypatch.setattr(advice, "fit_of", lambda *_: advice.ResourceUse(1000, 600, 9.5, 2))
+    monkeypatch.setattr(advice, "tried_fit", lambda *_: advice.ResourceUse(1000, 600, 9.5, 2))
     with pytest.raises(ServogenError) as caught:
         build_pair(plan_job(loads(on_two_chips(turning(15), "RF-coxa"), "my.toml")))
     assert "turn_deg = 11.2 (" in str(caught.value) and "1000 words or fewer each" in str(caught.value)
@@ -367,8 +367,8 @@ def test_what_two_chips_cannot_hold_is_refused_with_what_they_can(monkeypatch: p
 
 def test_two_chips_are_tried_where_a_pin_is_left_for_the_wire(monkeypatch: pytest.MonkeyPatch) -> None:
     """Not of a job that has two, nor of one with a button, whose chip no other can follow."""
-    monkeypatch.setattr(advice, "fit_of", lambda *_: None)
-    monkeypatch.setattr(advice, "shares_of", lambda *_: None)
+    monkeypatch.setattr(advice, "tried_fit", lambda *_: None)
+    monkeypatch.setattr(advice, "table_shares", lambda *_: None)
     button = turning(15).replace('engine = "player"', 'engine = "player"\nstart_pin = "RA4"')
     for text, tried in ((turning(15), True), (button, False), (on_two_chips(turning(15), "RF-coxa"), False)):
         told: list[str] = []

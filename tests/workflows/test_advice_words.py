@@ -34,8 +34,8 @@ def tried(job: PlannedJob, code: str, monkeypatch: pytest.MonkeyPatch, fits: str
     """Return what is tried if only the change `fits` does."""
     told: list[str] = []
     use = ResourceUse(900, 300, 1.5)
-    monkeypatch.setattr(advice, "shares_of", lambda job: None)
-    monkeypatch.setattr(advice, "fit_of", lambda job, change: use if change.text == fits else None)
+    monkeypatch.setattr(advice, "table_shares", lambda job: None)
+    monkeypatch.setattr(advice, "tried_fit", lambda job, change: use if change.text == fits else None)
     advised(job, InputError(code, "too much"), told.append, lambda: 0.0)
     assert all(each.startswith("trying ") for each in told)
     return [each.removeprefix("trying ") for each in told]
@@ -105,8 +105,8 @@ def test_changes_of_a_walk_are_slower_cycles_lower_lifts_and_the_tripod(
 def test_time_is_up_after_five_minutes_and_not_before(
     motion: PlannedJob, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(advice, "shares_of", lambda job: None)
-    monkeypatch.setattr(advice, "fit_of", lambda job, change: None)
+    monkeypatch.setattr(advice, "table_shares", lambda job: None)
+    monkeypatch.setattr(advice, "tried_fit", lambda job, change: None)
     told: list[str] = []
     clock = iter([100.0, 400.0, *[400.1] * 9])
     found = advised(motion, InputError("does-not-fit", "too much"), told.append, lambda: next(clock))
@@ -182,7 +182,7 @@ def test_the_six_largest_parts_are_shown_one_by_one(motion: PlannedJob) -> None:
 def test_a_frame_that_is_too_short_is_added_up(motion: PlannedJob, monkeypatch: pytest.MonkeyPatch) -> None:
     slots = (((0,), 2500), ((0, 0), 3000))
     demand = SimpleNamespace(slots=slots, frame_c=700, minimum=6200)
-    monkeypatch.setattr(advice, "demand_of", lambda job, shares: demand)
+    monkeypatch.setattr(advice, "frame_demand", lambda job, shares: demand)
     found = Advice(motion, InputError("frame-too-short", "too long"), Shares(parts(1), (), 0, False))
     assert found.text().split("\n  ")[1] == (
         "of the frame: s0 2500, s0 and s0 3000, the C for the next frame 700: 6200 of 20000 µs"

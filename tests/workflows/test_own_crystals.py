@@ -183,7 +183,7 @@ def test_watch_and_rig_say_that_they_run_two_crystals_at_equal_rates(
     assert subject.first_difference is None
     for shown in (subject, subject.showing(1)):
         assert ("both crystals at equal rates" in theorem_of(shown)) is rates
-    rig_command.pair_of(plan_job(loads(text, "arm.toml")), None)
+    rig_command.paired_rig(plan_job(loads(text, "arm.toml")), None)
     assert ("both crystals at equal rates" in capsys.readouterr().err) is rates
 
 

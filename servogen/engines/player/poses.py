@@ -114,7 +114,7 @@ def _poses_encoded(
             f"the motion needs {poses} or more poses and {moves} or more moves between them: "
             f"the player's tables hold {MAX_BYTES // stride} and {MAX_BYTES - 1}",
         )
-    parts = list(parts_of(whole, marks, loop_start, far))
+    parts = list(motion_parts(whole, marks, loop_start, far))
     best: Encoded | None = None
     refused: ResourceError | None = None
     for laws in LAW_SETS:
@@ -187,7 +187,9 @@ def reduce_to_moves(rows: Floats, far: float, laws: Sequence[str]) -> list[tuple
     return [(piece.first, piece.end, piece.law) for piece in best]
 
 
-def parts_of(rows: Floats, marks: Sequence[int], loop_start: int, far: float) -> Iterator[_Part | _Silence]:
+def motion_parts(
+    rows: Floats, marks: Sequence[int], loop_start: int, far: float
+) -> Iterator[_Part | _Silence]:
     """Return the parts of all frames except the last, which is the frame after them."""
     silent = np.asarray(np.isnan(rows).any(axis=1))
     frames = len(rows) - 1

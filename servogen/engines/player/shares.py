@@ -129,7 +129,7 @@ def shares(job: EngineJob) -> Shares:
     used = [Used(Cycles(int(channel.min())), Cycles(int(channel.max()))) for channel in pulsed.T]
     frames = len(encoded.widths) if ideal is None else len(ideal)
     loop = frames - begun.loop_start
-    ledger = shares_of_parts(encoded, parts, frames, loop)
+    ledger = part_shares(encoded, parts, frames, loop)
     if ideal is not None:
         order = np.where(encoded.frames < frames, encoded.frames, encoded.frames - loop)
         away = np.abs(encoded.widths - ideal[order]) * float(clock.cycle_us)
@@ -144,7 +144,7 @@ def _part(parts: Sequence[Part], frame: int) -> str:
     return next((part.name for part in reversed(parts) if part.begin <= frame), parts[0].name)
 
 
-def shares_of_parts(encoded: Encoded, parts: Sequence[Part], frames: int, loop: int) -> _Ledger:
+def part_shares(encoded: Encoded, parts: Sequence[Part], frames: int, loop: int) -> _Ledger:
     """Return the shares; of the motion's `frames` the last `loop` repeat."""
     steps = encoded.steps
     # The first step only tells where the second begins.

@@ -200,7 +200,7 @@ def _errors(arm: Arm, q: Floats, position: Floats, rotation: Floats | None) -> F
     return np.stack([distance, np.linalg.norm(turn, axis=1)])
 
 
-def reach_of(arm: Arm) -> float:
+def arm_size(arm: Arm) -> float:
     """Return the length, about the size of the arm, by which an angle of one radian is weighted."""
     lengths = arm.length
     fixed = sum(abs(row.d.value(lengths)) + abs(row.a.value(lengths)) for row in arm.rows)
@@ -212,7 +212,7 @@ class _Task:
     """Errors (m, k) and Jacobians (m, k, n) in metres: angles are weighted by the arm's size."""
 
     def __init__(self, arm: Arm, position: Floats, rotation: Floats | None) -> None:
-        self.arm, self.position, self.rotation, self.weight = arm, position, rotation, 0.5 * reach_of(arm)
+        self.arm, self.position, self.rotation, self.weight = arm, position, rotation, 0.5 * arm_size(arm)
 
     def at(self, q: Floats, which: NDArray[np.intp]) -> tuple[Floats, Floats]:
         """Return the errors (m, k) and Jacobians (m, k, n) of the targets `which` at positions `q` (m, n)."""

@@ -77,14 +77,14 @@ def test_the_random_line_has_every_direction_from_every_other() -> None:
 def test_each_pair_of_directions_begins_where_its_frames_do(monkeypatch: pytest.MonkeyPatch) -> None:
     """The steps of the script are those of the lead-in and of the forward directions, one after the other."""
     taken: list[tuple[int, list[Part]]] = []
-    right = shares.shares_of_parts
+    right = shares.part_shares
 
     def noted(encoded: Encoded, parts: list[Part], frames: int, loop: int) -> object:
         # The first step only tells where the second begins.
         taken.append((sum(step.timing.frames for step in encoded.steps[1:]), parts))
         return right(encoded, parts, frames, loop)
 
-    monkeypatch.setattr(shares, "shares_of_parts", noted)
+    monkeypatch.setattr(shares, "part_shares", noted)
     shares.shares(target().job)
     ((end, parts),) = taken
     assert [part.name for part in parts[-2:]] == ["forward and back", "left and right"]

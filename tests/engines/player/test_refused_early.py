@@ -50,7 +50,7 @@ def test_no_encoding_has_fewer_poses_and_moves_than_the_bounds(seed: int) -> Non
 def test_two_thousand_poses_are_refused_without_a_search(monkeypatch: pytest.MonkeyPatch) -> None:
     drawn = random.Random(1)
     rows = np.repeat([[drawn.randint(1000, 2000) for _ in range(3)] for _ in range(2000)], 25, axis=0)
-    monkeypatch.setattr(poses, "parts_of", lambda *_: pytest.fail("searched"))
+    monkeypatch.setattr(poses, "motion_parts", lambda *_: pytest.fail("searched"))
     with pytest.raises(ResourceError, match="needs 257 or more poses and 257 or more moves") as error:
         poses.poses_encoded(rows.astype(float), (0,), 0, 8.0, 2.2)
     assert error.value.code == "does-not-fit"
