@@ -161,6 +161,7 @@ def has_effect(expr: tree.Expr) -> bool:
 
 
 def _acts(expr: tree.Expr) -> bool:
+    """Return whether a node by itself does more than yield a value."""
     match expr:
         case tree.Ref(symbol):
             return symbol.volatile or expr.type.volatile
