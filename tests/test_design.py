@@ -356,7 +356,6 @@ TABLES_OF_MNEMONICS = {
     "pic/known_values.py": "the instructions that it does not follow",
     "pic/semantics.py": "what instructions compute",
     "pic/wcet.py": "the instructions that count loops",
-    "prove/stream/interrupt.py": "the instructions of which the interrupt's body consists",
     "simulator/regions.py": "the instructions that a wait may contain",
 }
 """Modules that may list mnemonics, and what the list says that no column of `pic.isa` does."""

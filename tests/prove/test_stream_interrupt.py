@@ -12,10 +12,10 @@ import pytest
 from servogen.compiler import Options, Source, compile_sources
 from servogen.engines.stream.engine import stream
 from servogen.engines.stream.firmware import compiled
-from servogen.engines.stream.response import HALF, ROUND
+from servogen.engines.stream.interrupt_code import HALF, ROUND
 from servogen.engines.stream.settings import BIT_GAP, START_GAP
 from servogen.job import load, loads, plan_job
-from servogen.prove.stream.interrupt import interrupt_of
+from servogen.prove.stream.interrupt import min_bit_cycles, min_first_bit_cycles
 from servogen.prove.stream.looks import InterruptChanged
 from servogen.prove.stream.rounds import guarantee
 from tests.campaigns import sampled
@@ -37,18 +37,17 @@ def test_edges_are_exact_and_samples_as_close_as_the_receiver_is_reckoned_for(te
     found = guarantee(listing_of(text), STREAMED, NONE)
     # RISE, and the cycles from the timer's value to the port: 11, as test_stream_tick.py counts them.
     assert found.rise == 152 + 11
-    assert found.start_gap <= START_GAP
+    assert found.samples.start_gap <= START_GAP
     # The looks of a round's two interrupts, and of the second and the next round's first, are half a round
     # apart; a loop that waits is left a cycle sooner or later.
     for half in (range(HALF), range(HALF, ROUND)):
-        waits = {wait for before, wait in found.waits if before in half}
+        waits = {wait for before, wait in found.samples.waits if before in half}
         assert min(waits) > 0 and max(waits) == BIT_GAP == HALF + 1
 
 
-def test_no_bit_is_taken_before_it_can_be_due(text: str) -> None:
+def test_no_bit_is_taken_before_it_can_be_due() -> None:
     """Times are known modulo 64 units of 4 cycles; a bit is 104 of them, the first one is due after 15."""
-    found = interrupt_of(listing_of(text), STREAMED)
-    assert (found.min_bit_cycles, found.min_first_bit_cycles) == (4 * (104 - 64), 4 * 15 + 1)
+    assert (min_bit_cycles(STREAMED), min_first_bit_cycles(STREAMED)) == (4 * (104 - 64), 4 * 15 + 1)
 
 
 def test_an_interrupt_begins_up_to_15_cycles_after_its_overflow(text: str) -> None:
@@ -131,15 +130,16 @@ def test_a_fall_late_in_the_last_round_but_one_keeps_samples_away_but_not_out_of
 ) -> None:
     # The next slot's interrupt comes so soon after a fall in cycle 64 that there is no sample between.
     found = guarantee(listing_of(text), STREAMED, (64,))
-    assert START_GAP < found.start_gap <= START_GAP + 9
+    assert START_GAP < found.samples.start_gap <= START_GAP + 9
     bit = STREAMED.plan.schedule.clock.cycles_per_second / STREAMED.stream.baud
     for k in range(10):
-        latest = found.latest_sample(k, STREAMED.first_units, STREAMED.bit_units)
-        earliest = found.earliest_sample(k, STREAMED.first_units, STREAMED.bit_units)
+        latest = found.samples.latest(k, STREAMED.first_units, STREAMED.bit_units)
+        earliest = found.samples.earliest(k, STREAMED.first_units, STREAMED.bit_units)
         assert k * bit / Fraction(98, 100) <= earliest < latest <= (k + 1) * bit / Fraction(102, 100)
     # With twice the gaps the stop bit would be over.
-    far = replace(found, starts=frozenset((at, since, 2 * gap) for at, since, gap in found.starts))
-    assert far.latest_sample(9, STREAMED.first_units, STREAMED.bit_units) > 10 * bit / Fraction(102, 100)
+    samples = found.samples
+    far = replace(samples, starts=frozenset(start._replace(gap=2 * start.gap) for start in samples.starts))
+    assert far.latest(9, STREAMED.first_units, STREAMED.bit_units) > 10 * bit / Fraction(102, 100)
 
 
 @pytest.mark.campaign
@@ -147,7 +147,7 @@ def test_servos_on_two_ports_have_the_same_edges_a_pointer_later() -> None:
     job = plan_job(loads(TWO_PORTS, "job.toml"))
     found = guarantee(listing_of(compiled(job, streamed := stream(job)[1], "c2c").text), streamed, FINES)
     assert found.rise == 152 + 11
-    assert found.start_gap <= START_GAP + 9
+    assert found.samples.start_gap <= START_GAP + 9
 
 
 def test_a_program_without_a_word_of_its_interrupt_is_refused(text: str) -> None:

@@ -9,15 +9,15 @@ from itertools import product
 import pytest
 
 from servogen.engines.stream.engine import stream
-from servogen.engines.stream.response import Round
+from servogen.engines.stream.interrupt_code import InterruptCode
 from servogen.job import load, plan_job
 from servogen.pic.isa import encode
 from servogen.prove.stream import looks
-from servogen.prove.stream.interrupt import Beginning, Interrupt, LastLook
+from servogen.prove.stream.interrupt import Beginning, Interrupt
 from servogen.prove.stream.looks import (
     BIT,
     HUNT,
-    OF_RECEIVER,
+    RECEIVER_VARIABLES,
     SENT,
     START,
     WAIT,
@@ -25,20 +25,21 @@ from servogen.prove.stream.looks import (
     Kind,
     Look,
     check_receiver,
-    check_samples,
-    looks_of,
+    check_sample_times,
+    look_outcomes,
 )
+from servogen.prove.stream.samples import LastLook, LookSequence, SeenStart, StampGap
 from tests.engines.stream.stream_soak import JOBS
 
 STREAMED = stream(plan_job(load(JOBS / "stream-eight.toml")))[1]
 TMR0, STATUS, PORTA, PORTB = 1, 3, 5, 6
-NAMES = ("ticks", "rest", "fine", "due", "mask", "port", "next_hi", "next_lo", *OF_RECEIVER)
+NAMES = ("ticks", "rest", "fine", "due", "mask", "port", "next_hi", "next_lo", *RECEIVER_VARIABLES)
 RAM = {name: 0x20 + n for n, name in enumerate(NAMES)}
 NOP = encode("NOP")
 
 
-def round_of(*words: int, at: int = 0x60) -> Round:
-    return Round(dict(enumerate(words, at)), RAM, 0x60, 0x70, 9)
+def round_of(*words: int, at: int = 0x60) -> InterruptCode:
+    return InterruptCode(dict(enumerate(words, at)), RAM, 0x60, 0x70)
 
 
 def receiver() -> dict[int, int]:
@@ -112,14 +113,14 @@ def test_each_word_that_keeps_the_receiver_s_time_is_the_one_that_is_expected(
 
 
 def test_a_bit_is_sampled_20_to_30_cycles_after_its_time_and_the_stop_bit_by_22() -> None:
-    def found(code: Round) -> str:
+    def found(code: InterruptCode) -> str:
         try:
-            check_samples(code, 0x60)
+            check_sample_times(code, 0x60)
         except InterruptChanged as error:
             return str(error)
         return ""
 
-    def straight(count: int) -> Round:
+    def straight(count: int) -> InterruptCode:
         words = (
             encode("MOVF", f=TMR0, d=0),
             encode("ADDWF", f=RAM["rx_left"], d=1),
@@ -135,7 +136,7 @@ def test_a_bit_is_sampled_20_to_30_cycles_after_its_time_and_the_stop_bit_by_22(
         assert found(straight(cycles)) == ("" if right else text)
 
     # Bits other than the stop bit, before which rx_bits is 1, have until 30.
-    def unless_stop(count: int) -> Round:
+    def unless_stop(count: int) -> InterruptCode:
         words = (
             encode("MOVF", f=TMR0, d=0),
             encode("ADDWF", f=RAM["rx_left"], d=1),
@@ -155,8 +156,8 @@ def test_a_bit_is_sampled_20_to_30_cycles_after_its_time_and_the_stop_bit_by_22(
 
 def test_every_outcome_of_a_look_has_its_times() -> None:
     words = dict(receiver())
-    code = Round(words, RAM, 0x60, 0x70, 9)
-    hunting = looks_of(code, 0x80, 0x80)
+    code = InterruptCode(words, RAM, 0x60, 0x70)
+    hunting = look_outcomes(code, 0x80, 0x80)
     # None there: the sample skips nothing (1) and RETURN (2). A start: 2, and the time is read in cycle 2.
     assert Look(HUNT, 3, 0, 0) in hunting
     (start,) = (look for look in hunting if look.kind == START)
@@ -164,7 +165,7 @@ def test_every_outcome_of_a_look_has_its_times() -> None:
     assert (start.sample, start.stamp, start.cycles) == (0, 2, 2 + 11 + 2)
     assert {look.kind for look in hunting} == {HUNT, START}
     taking = dict(words) | {0x67: encode("RETURN"), 0x72: encode("RETURN")}
-    looks = looks_of(Round(taking, RAM, 0x60, 0x99, 9), 0x60, 0x80)
+    looks = look_outcomes(InterruptCode(taking, RAM, 0x60, 0x99), 0x60, 0x80)
     kinds = {look.kind for look in looks}
     assert kinds == {WAIT, BIT}
     assert all((look.stamp, look.sample) == (0, 20) for look in looks)
@@ -177,12 +178,12 @@ def test_every_outcome_of_a_look_has_its_times() -> None:
 def test_a_look_that_stands_still_has_no_end(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(looks, "MAX_STATES", 50)
     with pytest.raises(InterruptChanged, match=r"^a look at the line does not end$"):
-        looks_of(round_of(encode("GOTO", k=0x60)), 0x60, 0x80)
+        look_outcomes(round_of(encode("GOTO", k=0x60)), 0x60, 0x80)
 
 
 # looks that follow each other
 
-OF_INTERRUPT = {name: 0x20 + n for n, name in enumerate(("ticks", "rest", "fine", "t", "rx_bits"))}
+INTERRUPT_RAM = {name: 0x20 + n for n, name in enumerate(("ticks", "rest", "fine", "t", "rx_bits"))}
 BEFORE, SAMPLE, STAMP = -300, 10, 30
 """The cycles of the look before the interrupt, and of the one in it."""
 
@@ -195,18 +196,16 @@ def looked(
     before: int = BEFORE,
     receiving: int | None = None,
     others: tuple[int, ...] = (),
-) -> tuple[set[str], set[tuple[int, int, int]], set[tuple[int, int]]]:
+) -> tuple[set[str], set[SeenStart], set[StampGap]]:
     """An interrupt that looks once, after another look: the kinds of its last look, and the gaps noted."""
-    code = Round({4: encode("CALL", k=0x60), 5: encode("RETFIE")}, OF_INTERRUPT, 0x60, 0x70, 9)
+    code = InterruptCode({4: encode("CALL", k=0x60), 5: encode("RETFIE")}, INTERRUPT_RAM, 0x60, 0x70)
     # It begins in cycle 2, and the subroutine in cycle 4.
     outcomes = {0x60: (Look(look, 40, SAMPLE - 4, STAMP - 4),)}
-    one = Interrupt(code, outcomes, answers, min_bit_cycles=160, min_first_bit_cycles=61, gaps=True)
-    known = {OF_INTERRUPT["ticks"]: 101}
-    if receiving is not None:
-        known[OF_INTERRUPT["rx_bits"]] = receiving
+    sequence = LookSequence(answers, min_first_bit_cycles=61)
+    variables = {"ticks": 101} | ({} if receiving is None else {"rx_bits": receiving})
     begins = [Beginning(2, LastLook(last, sample, sample + 5)) for sample in (before, *others)]
-    ends = one.run(begins, known)
-    return {end.last.kind for end in ends}, one.starts, one.waits
+    ends, _ = Interrupt(code, outcomes, 160, sequence).run(begins, variables)
+    return {end.last.kind for end in ends}, sequence.starts, sequence.waits
 
 
 @pytest.mark.parametrize(

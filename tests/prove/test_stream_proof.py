@@ -25,6 +25,7 @@ from servogen.prove.stream.execution import NotFollowed
 from servogen.prove.stream.lemmas import Fails, receiver_counts
 from servogen.prove.stream.looks import InterruptChanged
 from servogen.prove.stream.proof import LineTheorem, UndecidedPart, by_lemmas, sender_assumptions
+from servogen.prove.stream.rounds import Guarantee
 from servogen.units import Cycles
 from tests.engines.stream.stream_soak import JOBS
 
@@ -256,19 +257,19 @@ def test_with_a_watchdog_nothing_is_proven_of_a_busy_line(config: int | None) ->
 
 @dataclass
 class Samples:
-    """When each bit is sampled; the other numbers of a guarantee."""
+    """When each bit is sampled, and the gaps."""
 
-    earliest: list[Fraction]
-    latest: list[Fraction]
-    rise, states, start_gap, bit_gap = 163, 77, 111, 128
+    first: list[Fraction]
+    last: list[Fraction]
+    start_gap, bit_gap = 111, 128
 
-    def earliest_sample(self, k: int, first_units: int, bit_units: int) -> Fraction:
+    def earliest(self, k: int, first_units: int, bit_units: int) -> Fraction:
         assert (first_units, bit_units) == (15, 104)
-        return self.earliest[k]
+        return self.first[k]
 
-    def latest_sample(self, k: int, first_units: int, bit_units: int) -> Fraction:
+    def latest(self, k: int, first_units: int, bit_units: int) -> Fraction:
         assert (first_units, bit_units) == (15, 104)
-        return self.latest[k]
+        return self.last[k]
 
 
 BIT = Fraction(1_000_000, 2400)
@@ -286,14 +287,14 @@ def test_each_bit_is_sampled_while_it_lasts_for_every_sender() -> None:
     one = proof_of(ARM)
     one.check_samples(samples())  # type: ignore[arg-type]
     for k in range(10):
-        for name, off in (("earliest", -1), ("latest", 1)):
+        for name, off in (("first", -1), ("last", 1)):
             wrong = samples()
             getattr(wrong, name)[k] += Fraction(off, 1000)
             with pytest.raises(UndecidedPart) as error:
                 one.check_samples(wrong)  # type: ignore[arg-type]
             assert str(error.value).startswith(f"bit {k} of a byte is sampled ")
     wrong = samples()
-    wrong.earliest[3], wrong.latest[3] = Fraction(1200), Fraction(1500)
+    wrong.first[3], wrong.last[3] = Fraction(1200), Fraction(1500)
     with pytest.raises(UndecidedPart) as error:
         one.check_samples(wrong)  # type: ignore[arg-type]
     # 3 bits of 1250/3 cycles / 0.98 = 1275.5; 4 / 1.02 = 1634.0
@@ -305,10 +306,10 @@ def test_each_bit_is_sampled_while_it_lasts_for_every_sender() -> None:
 def test_the_edges_are_told_with_their_cycle_and_the_gaps(monkeypatch: pytest.MonkeyPatch) -> None:
     told = []
 
-    def guarantee(listing: Listing, streamed: Any, tell: Any) -> Samples:
+    def guarantee(listing: Listing, streamed: Any, tell: Any) -> Guarantee:
         assert streamed is ARM and listing is EMPTY
         tell("edges", 3, 256)
-        return samples()
+        return Guarantee(163, samples(), states=77)  # type: ignore[arg-type]
 
     monkeypatch.setattr(proof, "guarantee", guarantee)
     one = LineTheorem(EMPTY, JOB, ARM, None, told.append)  # type: ignore[arg-type]

@@ -1,8 +1,11 @@
-"""A look at the line: what the words of the receiver can do, and in which cycle each of it is.
+"""A look at the line: what the receiver's subroutines can do, with the exact cycles of each outcome.
 
-In: the words of an interrupt, with the addresses of the subroutines that look. Out: every outcome of each of
-them, and a check that the receiver's time is kept as the engine's template keeps it. What the line shows, and
-what was received before, is not known: every test of these goes both ways.
+In: the words of an interrupt, with the addresses of the subroutines that look. Out: every outcome of each,
+and a check that the receiver's time is kept as the engine's template keeps it. What the line shows, and what
+was received before, is not known: every test of these goes both ways. A look has two moments:
+
+    sample   a port is read, whose level decides whether a start bit begins, or is the bit's
+    stamp    TMR0 is read: the time from which the receiver counts until the next bit is due
 """
 
 from __future__ import annotations
@@ -11,19 +14,17 @@ from collections.abc import Iterator, Mapping
 from enum import Enum
 from typing import NamedTuple
 
+from servogen.engines.stream.interrupt_code import PORTS, TMR0, InterruptCode, T, TimedState
 from servogen.engines.stream.rendering import tick
-from servogen.engines.stream.response import PORTS, TMR0, Round, RoundMoment, T
 from servogen.engines.stream.settings import SAMPLE_AFTER, STOP_AFTER
 from servogen.engines.stream.streaming import Streaming
 from servogen.errors import InputError
 from servogen.graph import reached
 from servogen.pic.assembler import assemble
-from servogen.pic.device import addresses
-from servogen.pic.known_values import RETURNED, ZERO, Known, word_of
+from servogen.pic.known_values import RETURNED, ZERO, DecodedWord, Known, word_of
 
-(STATUS,) = addresses("STATUS")
 RX_BITS, RX_LEFT = "rx_bits", "rx_left"
-OF_RECEIVER = (T, RX_BITS, RX_LEFT, "rx_last", "rx_byte", "command", "todo", "value")
+RECEIVER_VARIABLES = (T, RX_BITS, RX_LEFT, "rx_last", "rx_byte", "command", "todo", "value")
 """The interrupt's variables that nothing but looks at the line writes."""
 BYTE = 10
 """What `rx_bits` is when a start bit was seen: not 0."""
@@ -31,13 +32,13 @@ MAX_STATES = 200_000
 
 
 class Kind(Enum):
-    """What a look at the line is."""
+    """What a look at the line is; while the chip answers, bits are sent where they would be received."""
 
     NONE = "no look is known of"
     HUNT = "for a start bit: none there"
     START = "a start bit is seen"
     WAIT = "a bit is not due yet"
-    BIT = "a bit is taken"
+    BIT = "a bit is received or sent"
     SENT = "an answer's first bit is sent"
 
 
@@ -68,79 +69,83 @@ class _Progress(NamedTuple):
     stamp: int = 0
 
 
-def looks_of(code: Round, begin: int, hunt: int) -> tuple[Look, ...]:
-    """Return every outcome of the subroutine at `begin`; `hunt` looks for a start bit."""
+def look_outcomes(code: InterruptCode, begin: int, hunt: int) -> tuple[Look, ...]:
+    """Return every outcome of the subroutine at `begin`; `hunt` is the word that samples for a start bit."""
 
     def following(at: _Progress) -> Iterator[_Progress]:
         address, stack, now, kind, sample, stamp = at
         if address == RETURNED:
             return
-        word = word_of(code.words[address])
+        word = code.word(address)
         if address == hunt:
             kind, sample = HUNT, now
-        elif word.has_f and word.f == TMR0:
+        elif _reads_timer(word):
+            # TMR0 is read in a hunt only if a start bit was seen; in all other looks before the bit is
+            # sampled.
             kind, stamp = (START if kind == HUNT else WAIT), now
             sample = sample if kind == START else now + SAMPLE_AFTER[0]
-        elif _takes(code, address):
+        elif _schedules_next_bit(code.ram, word):
             kind = BIT
-        for after in code.steps(RoundMoment(address, stack, now, {}), word):
+        for after in code.successors(TimedState(address, stack, now, {}), word):
             yield _Progress(after.address, after.stack, after.cycle, kind, sample, stamp)
 
-    outcomes = []
+    outcomes = set()
     for count, at in enumerate(reached([_Progress(begin)], following)):
         if count > MAX_STATES:
             raise InterruptChanged("a look at the line does not end")
         if at.address == RETURNED:
-            outcomes.append(Look(at.kind, at.now, at.sample, at.stamp))
-    return tuple(sorted({*outcomes}, key=lambda look: (look.kind.name, look.cycles, look.stamp)))
+            outcomes.add(Look(at.kind, at.now, at.sample, at.stamp))
+    return tuple(sorted(outcomes, key=lambda look: (look.kind.name, look.cycles, look.stamp)))
 
 
-def _takes(code: Round, address: int) -> bool:
-    """Return whether a word is the one behind which a bit is taken: it makes the time of the next one."""
-    word = word_of(code.words[address])
-    return word.name == "ADDWF" and word.writes_f and word.f == code.ram[RX_LEFT]
+def _reads_timer(word: DecodedWord) -> bool:
+    return word.has_f and word.f == TMR0
+
+
+def _schedules_next_bit(ram: Mapping[str, int], word: DecodedWord) -> bool:
+    """Return whether a word adds a bit's time to `rx_left`: it is executed only if a bit is due."""
+    return word.name == "ADDWF" and word.writes_f and word.f == ram[RX_LEFT]
 
 
 class _Sampling(NamedTuple):
-    """Within the subroutine that takes a bit."""
+    """Within the subroutine that receives a bit."""
 
     address: int
     stack: tuple[int, ...]
     now: int
     stamp: int
-    taken: bool
+    is_due: bool
     known: frozenset[tuple[int, int]]
 
 
-def check_samples(code: Round, take: int) -> None:
-    """Check how long after its time stamp a bit is sampled; rx_bits is 1 before the stop bit. Raises
+def check_sample_times(code: InterruptCode, take: int) -> None:
+    """Check how long after its time stamp a bit is sampled by the subroutine at `take`. Raises
     InterruptChanged.
     """
-    bits = code.ram[RX_BITS]
-    for before, limits in (({bits: 1}, (SAMPLE_AFTER[0], STOP_AFTER)), ({}, SAMPLE_AFTER)):
+    # `rx_bits` is 1 before the stop bit, whose sample has less time.
+    _check_sample_times(code, take, {code.ram[RX_BITS]: 1}, range(SAMPLE_AFTER[0], STOP_AFTER + 1))
+    _check_sample_times(code, take, {}, range(SAMPLE_AFTER[0], SAMPLE_AFTER[1] + 1))
 
-        def following(
-            at: _Sampling,
-            limits: tuple[int, int] = limits,  # bound now: the loop goes on
-        ) -> Iterator[_Sampling]:
-            address, stack, now, stamp, taken, known = at
-            if address == RETURNED:
-                return
-            word = word_of(code.words[address])
-            stamp = now if word.has_f and word.f == TMR0 else stamp
-            taken |= _takes(code, address)
-            after = now - stamp
-            if taken and word.tests_bit and word.f in PORTS and not limits[0] <= after <= limits[1]:
-                raise InterruptChanged(
-                    f"a bit is sampled {after} cycles after its time stamp, at 0x{address:03X}"
-                )
-            for to in code.steps(RoundMoment(address, stack, now, dict(known)), word):
-                remembered = frozenset(item for item in to.known.items() if item[0] in (bits, ZERO))
-                yield _Sampling(to.address, to.stack, to.cycle, stamp, taken, remembered)
 
-        begin: Known = before
-        for _ in reached([_Sampling(take, (), 0, 0, False, frozenset(begin.items()))], following):
-            pass  # each is checked where it is followed
+def _check_sample_times(code: InterruptCode, take: int, known: Known, allowed: range) -> None:
+    tracked = code.ram[RX_BITS], ZERO
+
+    def following(at: _Sampling) -> Iterator[_Sampling]:
+        if at.address == RETURNED:
+            return
+        word = code.word(at.address)
+        stamp = at.now if _reads_timer(word) else at.stamp
+        is_due = at.is_due or _schedules_next_bit(code.ram, word)
+        if is_due and word.tests_bit and word.f in PORTS and at.now - stamp not in allowed:
+            raise InterruptChanged(
+                f"a bit is sampled {at.now - stamp} cycles after its time stamp, at 0x{at.address:03X}"
+            )
+        for after in code.successors(TimedState(at.address, at.stack, at.now, dict(at.known)), word):
+            remembered = frozenset(item for item in after.known.items() if item[0] in tracked)
+            yield _Sampling(after.address, after.stack, after.cycle, stamp, is_due, remembered)
+
+    for _ in reached([_Sampling(take, (), 0, 0, False, frozenset(known.items()))], following):
+        pass  # each is checked where it is followed
 
 
 def check_receiver(
@@ -151,12 +156,18 @@ def check_receiver(
     """
     template, labels = _template(ram, streamed)
     own_take, own_hunt = labels["st_take"], labels["st_hunt"]
-    broken, ends = own_take + 7, own_take + 18
-    clock = [(take - own_take, own) for own in range(own_take, ends) if own != broken]
-    clock += [(hunt - own_hunt, own) for own in range(own_hunt + 1, labels["st_break"])]
-    for moved, own in clock:
-        if words.get(own + moved) != template[own]:
-            raise InterruptChanged(f"the receiver's clock is not kept by the word at 0x{own + moved:03X}")
+    due = next(
+        address
+        for address in range(own_take, own_hunt)
+        if _schedules_next_bit(ram, word_of(template[address]))
+    )
+    # All words until a bit is due, but for the jump to where a broken byte goes on: its target moves.
+    clock = [own for own in range(own_take, due + 1) if word_of(template[own]).flow != "jump"]
+    pairs = [(own + take - own_take, own) for own in clock]
+    pairs += [(own + hunt - own_hunt, own) for own in range(own_hunt + 1, labels["st_break"])]
+    for address, own in pairs:
+        if words.get(address) != template[own]:
+            raise InterruptChanged(f"the receiver's clock is not kept by the word at 0x{address:03X}")
     sample = word_of(words[hunt])
     if sample.name != "BTFSC" or sample.f not in PORTS:
         raise InterruptChanged("a start bit is not looked for at a pin")

@@ -9,11 +9,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-from servogen.engines.stream.response import enabling, main_loop
+from servogen.engines.stream.interrupt_code import find_edge
+from servogen.engines.stream.response import enable_address, main_loop
 from servogen.engines.stream.streaming import Streaming
 from servogen.pic.device import INTERRUPT_VECTOR, registers
 from servogen.pic.isa import encode
-from servogen.pic.known_values import word_of
 from servogen.pic.listing import Listing
 from servogen.pic.wcet import TimedProgram
 
@@ -83,17 +83,17 @@ class Names:
     @cached_property
     def head(self) -> int:
         """Return where the main loop begins."""
-        return main_loop(self.listing)[0]
+        return main_loop(self.listing).head
 
     @cached_property
     def cleared(self) -> int:
         """Return the address after the instruction that clears the request of a pulse."""
-        return main_loop(self.listing)[1] + 1
+        return main_loop(self.listing).clear + 1
 
     @cached_property
     def enabled(self) -> int:
         """Return the address after the instruction of main that enables interrupts."""
-        return enabling(self.listing) + 1
+        return enable_address(self.listing) + 1
 
     @cached_property
     def of_interrupt(self) -> tuple[int, ...]:
@@ -112,10 +112,5 @@ class Names:
     @cached_property
     def edge(self) -> int:
         """Return the address of the instruction that makes an edge. Raises LookupError."""
-        wait = encode("CALL", k=self.listing.label("st_exactly"))
-        called = [address for address in self.of_interrupt if self.words[address] == wait]
-        after = [address for address in self.of_interrupt if called and address > called[0]]
-        edge = next((address for address in after if word_of(self.words[address]).name == "MOVWF"), None)
-        if edge is None:
-            raise LookupError("the interrupt makes no edge")
-        return edge
+        interrupt = {address: self.words[address] for address in self.of_interrupt}
+        return find_edge(interrupt, self.listing.label("st_exactly"))

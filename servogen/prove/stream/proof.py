@@ -31,7 +31,8 @@ from servogen.prove.stream.execution import NotFollowed
 from servogen.prove.stream.lemmas import Fails, Lemmas
 from servogen.prove.stream.looks import InterruptChanged
 from servogen.prove.stream.names import Names
-from servogen.prove.stream.rounds import Guarantee, guarantee
+from servogen.prove.stream.rounds import guarantee
+from servogen.prove.stream.samples import SampleTimes
 from servogen.units import Cycles
 
 MAX_UNLIKE = 24
@@ -248,26 +249,26 @@ class LineTheorem:
 
     def edges(self) -> list[str]:
         """Check the cycle of every edge, and that every bit is sampled within its time."""
-        guaranteed = guarantee(
+        found = guarantee(
             self.listing,
             self.streamed,
             tell=lambda task, count, of: self.tell(f"{task}: {count} of {of} cycles"),
         )
-        self.check_samples(guaranteed)
+        self.check_samples(found.samples)
         return [
-            f"every edge is exact: a pulse begins in cycle {guaranteed.rise} of its round; interrupts "
-            f"begin in {guaranteed.states} states",
-            f"samples of the line are at most {guaranteed.start_gap} cycles apart before a start bit, "
-            f"{guaranteed.bit_gap} within a byte",
+            f"every edge is exact: a pulse begins in cycle {found.rise} of its round; interrupts "
+            f"begin in {found.states} states",
+            f"samples of the line are at most {found.samples.start_gap} cycles apart before a start bit, "
+            f"{found.samples.bit_gap} within a byte",
         ]
 
-    def check_samples(self, guaranteed: Guarantee) -> None:
+    def check_samples(self, samples: SampleTimes) -> None:
         """Check that every bit is sampled while it lasts, for every sender."""
         streamed = self.streamed
         bit = streamed.plan.schedule.clock.cycles_per_second / Fraction(streamed.stream.baud)
         for k in range(BITS):
-            latest = guaranteed.latest_sample(k, streamed.first_units, streamed.bit_units)
-            earliest = guaranteed.earliest_sample(k, streamed.first_units, streamed.bit_units)
+            latest = samples.latest(k, streamed.first_units, streamed.bit_units)
+            earliest = samples.earliest(k, streamed.first_units, streamed.bit_units)
             # A slow sender's bits begin late, a fast sender's end early: a sample has to be within both.
             begins, ends = k * bit / (1 - BAUD_ERROR), (k + 1) * bit / (1 + BAUD_ERROR)
             if earliest < begins or latest > ends:

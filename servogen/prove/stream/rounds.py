@@ -1,10 +1,31 @@
-"""What the stream's interrupt guarantees for every line and every compiler, from its words in a program.
+"""The theorem about a stream's interrupt: every edge is exact, for every line and compiler.
 
-In: the listing of a program, whatever compiled the C, and the stream's numbers. Out: `Guarantee`, or
-`InterruptChanged` with the first thing that does not hold. docs/firmware.md states the theorem.
+*For every* level of the line in every cycle, every content of the receiver's variables and of those that the
+C hands over, every cycle in which the chip can enter an interrupt, every number of rounds in a pulse, and
+each of the 256 cycles of a round in which it can end,
 
-An interrupt begins in every cycle in which it can: the C's instructions of two cycles delay it, and so do its
-writes to the EEPROM. The states in which interrupts begin are collected until no new one comes:
+*assuming* that outside of the interrupt nothing writes its variables, TMR0, OPTION_REG, a servo's port or the
+bits that enable interrupts, except to mask them for up to MASKED cycles (`lemmas.check_sharing`, `response`);
+that a prepared pulse takes 1 to `rounds` - 1 whole rounds, and after the most of them up to LATEST cycles
+(`proof.widths`); and, if the chip answers, that no byte ends within 20 ms of a query: an answer's first bit
+is due at once, and otherwise two bits are at least `min_bit_cycles` apart, on which the times of an interrupt
+rest;
+
+*it holds* that
+
+- edges: the rises of slots are `rounds` rounds apart, each in cycle `Guarantee.rise` of its round; the fall
+  is 256 * `next_hi` + `next_lo` cycles later. Both write the port and pin that the C prepared, and no other
+  word writes a servo's pin. Where the C has not prepared a pulse there is none, and bit 0 of `due` is set;
+- samples, as long as no trim masks interrupts: gaps between looks at the line are at most
+  `Guarantee.samples`.
+
+In: the listing of a program, and the stream's numbers. Out: `Guarantee`, or `InterruptChanged` with the first
+thing that does not hold.
+
+*How.* `interrupt` executes one interrupt from a set of cycles. Where it can end says in which cycles, and in
+which kind of round, the next one can begin; these states are collected until no new one comes. That each ends
+with TMR0 in step and `ticks`, `rest` counted down as here is what makes the rounds of edges those of the
+width.
 
     round without an edge   first half ──▶ second half ──▶ next round
     rise                    whole round ──▶ next round
@@ -16,32 +37,29 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from enum import Flag, auto
+from typing import NamedTuple
 
-import numpy as np
-
+from servogen.engines.stream.interrupt_code import FINE, HALF, LATENCY, REPRESENTATIVE, REST, ROUND, TICKS
 from servogen.engines.stream.layout import LATEST, RoundLayout
-from servogen.engines.stream.protocol import BITS
-from servogen.engines.stream.response import FINE, HALF, LATENCY, MANY, REST, ROUND, TICKS
-from servogen.engines.stream.settings import MASKED, SAMPLE_AFTER, STOP_AFTER, UNIT
+from servogen.engines.stream.settings import MASKED
 from servogen.engines.stream.streaming import Streaming
-from servogen.pic.known_values import Known
 from servogen.pic.listing import Listing
 from servogen.prove.stream.interrupt import (
     NEXT_HI,
     NEXT_LO,
-    NO_LOOK,
     Beginning,
     Ending,
     Interrupt,
-    LastLook,
-    interrupt_of,
+    find_interrupt,
+    min_first_bit_cycles,
 )
 from servogen.prove.stream.looks import NONE, InterruptChanged, Kind
+from servogen.prove.stream.samples import NO_LOOK, LastLook, LookSequence, SampleTimes
 
 Tell = Callable[[str, int, int], None]
 
 
-class May(Flag):
+class RoundKind(Flag):
     """What a round may be: without an edge, or with one."""
 
     PLAIN = auto()
@@ -49,15 +67,21 @@ class May(Flag):
     FALL = auto()
 
 
-PLAIN, RISE, FALL = May
+PLAIN, RISE, FALL = RoundKind
 ANY = PLAIN | RISE | FALL
-MAYS = (ANY, PLAIN | RISE, PLAIN | FALL, PLAIN, RISE)
-"""What is known of a round, after the one before it."""
+KNOWLEDGE = (ANY, PLAIN | RISE, PLAIN | FALL, PLAIN, RISE)
+"""All that the round before can tell of a round."""
 
-_Entry = tuple[int, Kind, May]
-"""The cycle of the round in which an interrupt begins, the kind of the last look, what the round may be."""
-_Entries = dict[_Entry, LastLook]
-"""With the earliest look of that kind: the one from which the gap to the next is largest."""
+
+class _Entry(NamedTuple):
+    """States in which an interrupt begins."""
+
+    first: bool
+    """Whether a round begins with it; else it is in the middle of one."""
+    cycle: int
+    look: Kind
+    """The kind of the last look at the line."""
+    may_be: RoundKind
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,49 +90,9 @@ class Guarantee:
 
     rise: int
     """The cycle of its round in which a pulse begins."""
-    starts: frozenset[tuple[int, int, int]]
-    """Looks for a start bit: the time stamp's cycle of its round, cycles since the sample, and from the
-    sample before to this one.
-    """
-    waits: frozenset[tuple[int, int]]
-    """Pairs of time stamps within a byte: the former's cycle of its round, and the cycles between them."""
+    samples: SampleTimes
     states: int
     """The states in which an interrupt begins."""
-
-    @property
-    def start_gap(self) -> int:
-        """Return the maximum cycles between two samples of the line while a start bit is looked for."""
-        return max(gap for _, _, gap in self.starts)
-
-    @property
-    def bit_gap(self) -> int:
-        """Return the maximum cycles between two time stamps within a byte."""
-        return max(wait for _, wait in self.waits)
-
-    def latest_sample(self, k: int, first_units: int, bit_units: int) -> int:
-        """Return the maximum cycles from the beginning of a byte to the sample of bit k (0: the start bit).
-
-        A start's time stamp fixes the cycle of its round in which each bit is due. Only those pairs of time
-        stamps count between which that cycle is.
-        """
-        after = STOP_AFTER if k == BITS - 1 else SAMPLE_AFTER[1]
-        before, wait = np.array(sorted(self.waits), dtype=np.int64).T
-        latest = 0
-        for stamp, since, gap in self.starts:
-            due = UNIT * (stamp // UNIT + first_units + 1 + k * bit_units)
-            # The bit is taken by the first look whose time stamp is at `due` or later: within a wait in which
-            # `due` falls, that is the look at its end.
-            passed = (due - before - 1) % ROUND
-            later = (wait - 1 - passed)[passed < wait]
-            latest = max(latest, gap + since + due - stamp + int(later.max(initial=0)) + after)
-        return latest
-
-    def earliest_sample(self, k: int, first_units: int, bit_units: int) -> int:
-        """Return the minimum cycles from the beginning of a byte to the sample of bit k."""
-        due = UNIT * (first_units + 1 + k * bit_units)
-        return SAMPLE_AFTER[0] + min(
-            since + due + UNIT * (stamp // UNIT) - stamp for stamp, since, _ in self.starts
-        )
 
 
 def guarantee(
@@ -121,16 +105,17 @@ def guarantee(
 
     `fines`: the cycles of its round in which a fall is followed: all of them, unless a test has less time.
     """
-    layout = streamed.layout
-    interrupt = interrupt_of(listing, streamed)
+    layout, fines = streamed.layout, tuple(fines)
+    interrupt = find_interrupt(listing, streamed)
     masked = 0 if streamed.coarse else MASKED
-    exact = _Closure(interrupt, layout, tuple(fines), masked, tell, "edges")
+    exact = _Closure(interrupt, layout, fines, masked, tell, "edges")
     exact.close()
+    assert exact.rise is not None  # the first round that is followed may be a rise's
     # Only a trim's write to the EEPROM masks interrupts, and senders leave the line alone while it begins.
-    looking = replace(interrupt, gaps=True, edges=set())
-    _Closure(looking, layout, tuple(fines), 0, tell, "samples").close()
-    starts, waits = frozenset(looking.starts), frozenset(looking.waits)
-    return Guarantee(exact.rise, starts, waits, len(exact.firsts) + len(exact.seconds))
+    answers = streamed.stream.transmit_pin is not None
+    sequence = LookSequence(answers, min_first_bit_cycles(streamed))
+    _Closure(replace(interrupt, sequence=sequence), layout, fines, 0, tell, "samples").close()
+    return Guarantee(exact.rise, sequence.times(), len(exact.entries))
 
 
 @dataclass(slots=True)
@@ -143,143 +128,152 @@ class _Closure:
     masked: int
     tell: Tell
     what: str
-    rise: int = -1
-    firsts: _Entries = field(default_factory=dict)
-    """Interrupts with which a round begins."""
-    seconds: _Entries = field(default_factory=dict)
-    """Interrupts in the middle of a round."""
-    _waiting: list[tuple[bool, _Entry]] = field(default_factory=list)
-    _new: list[tuple[_Entry, LastLook]] = field(default_factory=list)
+    rise: int | None = None
+    """The cycle of all rises, from the first that was followed."""
+    entries: dict[_Entry, LastLook] = field(default_factory=dict)
+    """With the earliest look of that kind: the one from which the gap to the next is largest."""
+    _waiting: list[_Entry] = field(default_factory=list)
+    _without_falls: list[tuple[RoundKind, Beginning]] = field(default_factory=list)
     """Interrupts with which a round begins, and that have not been continued with falls yet."""
 
     def close(self) -> None:
         """Execute every interrupt from every state in which it can begin. Raises InterruptChanged."""
         try:
             self._check_counts()
-            for begin in self._begins(0, 0):
-                self._add(True, begin, NO_LOOK, ANY)
+            for cycle in self._entry_cycles(0, 0):
+                self._add(_Entry(True, cycle, NONE, ANY), NO_LOOK)
             while self._waiting:
-                self._run_plain()
-                begins = [Beginning(begin, last) for (begin, _, may), last in self._new if FALL in may]
-                self._new.clear()
+                self._run_all_but_falls()
+                begins = [beginning for may_be, beginning in self._without_falls if FALL in may_be]
+                self._without_falls.clear()
                 for number, fine in enumerate(self.fines if begins else ()):
                     self.tell(self.what, number, len(self.fines))
                     self._run_falls(begins, fine)
         except LookupError as error:
             raise InterruptChanged(str(error)) from None
 
-    def _run_plain(self) -> None:
+    def _run_all_but_falls(self) -> None:
         """Execute all but the falls, until nothing new comes."""
         while self._waiting:
             waiting, self._waiting = self._waiting, []
-            firsts = [(entry, self.firsts[entry]) for first, entry in waiting if first]
-            self._new += firsts
-            self._run_rises([Beginning(begin, last) for (begin, _, may), last in firsts if RISE in may])
-            self._run_firsts([Beginning(begin, last) for (begin, _, may), last in firsts if PLAIN in may])
+            firsts = [
+                (entry.may_be, Beginning(entry.cycle, self.entries[entry]))
+                for entry in waiting
+                if entry.first
+            ]
+            self._without_falls += firsts
+            self._run_rises([beginning for may_be, beginning in firsts if RISE in may_be])
+            self._run_firsts([beginning for may_be, beginning in firsts if PLAIN in may_be])
             self._run_seconds(
-                [Beginning(entry[0], self.seconds[entry]) for first, entry in waiting if not first]
+                [Beginning(entry.cycle, self.entries[entry]) for entry in waiting if not entry.first]
             )
 
-    def _begins(self, overflow: int, end: int) -> range:
+    # the states in which an interrupt begins
+
+    def _entry_cycles(self, overflow: int, end: int) -> range:
         """Return the cycles in which the interrupt of an overflow can begin, if the one before ended at
         `end`.
         """
-        if self.interrupt.gaps and end < overflow:
+        earliest, latest = max(overflow + 2, end), max(overflow, end) + LATENCY
+        if self.interrupt.sequence is None:
+            # Edges are exact for more: as if an instruction of two cycles delayed the latency, or masking
+            # did.
+            return range(earliest, latest + 2 + self.masked + 1)
+        if end < overflow:
             # It is the same for instructions of one and of two cycles (DS35007 section 6.8): 2, or one more.
             return range(overflow + 2, overflow + 4)
-        latest = LATENCY if self.interrupt.gaps else LATENCY + 2 + self.masked
-        return range(max(overflow + 2, end), max(overflow, end) + latest + 1)
+        return range(earliest, latest + 1)
 
-    def _add(self, first: bool, begin: int, last: LastLook, may: May) -> None:
-        entries = self.firsts if first else self.seconds
-        if not self.interrupt.gaps:
-            last = last._replace(sample=last.stamp)  # only when a bit was taken is of interest
-        # An entry with an earlier look, in a round that may be all that this one may be, stands for it.
-        for wider in MAYS:
-            if may in wider:
-                before = entries.get((begin, last.kind, wider))
-                unlimited = not self.interrupt.gaps and (begin, NO_LOOK.kind, wider) in entries
+    def _add(self, entry: _Entry, last: LastLook) -> None:
+        """Add a state, unless another stands for it: with an earlier look, in a round that may be as much."""
+        for wider in KNOWLEDGE:
+            if entry.may_be in wider:
+                before = self.entries.get(entry._replace(may_be=wider))
+                # Where only the times of bits are remembered, the next one may come at any time without them.
+                unlimited = (
+                    self.interrupt.sequence is None
+                    and entry._replace(look=NONE, may_be=wider) in self.entries
+                )
                 if unlimited or (before is not None and before[1:] <= last[1:]):
                     return
-        entry = (begin, last.kind, may)
-        entries[entry] = last
-        if (first, entry) not in self._waiting:
-            self._waiting.append((first, entry))
+        self.entries[entry] = last
+        if entry not in self._waiting:
+            self._waiting.append(entry)
 
-    def _add_next_round(self, end: Ending, rounds: int, may: May = ANY) -> None:
+    def _add_next_round(self, end: Ending, rounds: int = 1, may_be: RoundKind = ANY) -> None:
         """Add the first interrupts of the round after `rounds` rounds."""
-        kind, sample, stamp = end.last
-        moved = (
-            LastLook(kind, sample - rounds * ROUND, stamp - rounds * ROUND) if kind is not NONE else NO_LOOK
-        )
-        for begin in self._begins(0, end.cycle - rounds * ROUND):
-            self._add(True, begin, moved, may)
+        passed, last = rounds * ROUND, end.last
+        if last.kind is not NONE:
+            last = LastLook(last.kind, last.sample - passed, last.stamp - passed)
+        for cycle in self._entry_cycles(0, end.cycle - passed):
+            self._add(_Entry(True, cycle, last.kind, may_be), last)
+
+    # the interrupts of each kind of round
 
     def _run_firsts(self, begins: list[Beginning]) -> None:
         """Execute the first interrupts of rounds without an edge."""
-        for end in self.interrupt.run(begins, {self.interrupt.code.ram[TICKS]: MANY}):
+        for end in self.interrupt.run(begins, {TICKS: REPRESENTATIVE}).ends:
             if end.ahead == HALF:
-                self._check(end.ticks == MANY - 1, "a round's first interrupt", end)
-                for following in self._begins(HALF, end.cycle):
-                    self._add(False, following, end.last, PLAIN)
+                self._check(end.ticks == REPRESENTATIVE - 1, "a round's first interrupt", end)
+                for cycle in self._entry_cycles(HALF, end.cycle):
+                    self._add(_Entry(False, cycle, end.last.kind, PLAIN), end.last)
             else:
-                self._check(end.ahead == 0 and end.ticks == MANY - 2, "the interrupt of a whole round", end)
-                self._add_next_round(end, 1)
+                in_step = end.ahead == 0 and end.ticks == REPRESENTATIVE - 2
+                self._check(in_step, "the interrupt of a whole round", end)
+                self._add_next_round(end)
 
     def _run_seconds(self, begins: list[Beginning]) -> None:
         """Execute the second interrupts of rounds without an edge."""
-        for end in self.interrupt.run(begins, {self.interrupt.code.ram[TICKS]: MANY - 1}, ahead=HALF):
-            self._check(end.ahead == 0 and end.ticks == MANY - 2, "a round's second interrupt", end)
-            self._add_next_round(end, 1)
+        for end in self.interrupt.run(begins, {TICKS: REPRESENTATIVE - 1}, ahead=HALF).ends:
+            in_step = end.ahead == 0 and end.ticks == REPRESENTATIVE - 2
+            self._check(in_step, "a round's second interrupt", end)
+            self._add_next_round(end)
 
     def _run_rises(self, begins: list[Beginning]) -> None:
-        """Execute rises: the edge is in the same cycle for every begin."""
+        """Execute rises. A pulse takes a round at least, so that no rise follows."""
         for end in self._run_edges(begins, 0, None) if begins else ():
-            self._check(end.ahead == 0 and not end.cleared, "a rise", end)
-            self._add_next_round(end, 1, PLAIN | FALL)
+            self._check(end.ahead == 0 and not end.spans_next, "a rise", end)
+            self._add_next_round(end, may_be=PLAIN | FALL)
 
     def _run_falls(self, begins: list[Beginning], fine: int) -> None:
+        """Execute falls `fine` cycles later in their round than a rise. No other fall follows."""
         # Only after an early fall can the next rise be in the next round (`layout.LATEST`).
-        rests = (1, MANY) if fine <= LATEST else (MANY,)
+        rests = (1, REPRESENTATIVE) if fine <= LATEST else (REPRESENTATIVE,)
         for rest in rests:
             for end in self._run_edges(begins, rest, fine):
-                whole = 2 * end.cleared
-                self._check(end.ahead == 0 and end.ticks == rest - whole and end.rest == 0, "a fall", end)
-                # With so little left, the next rise is in the next round; else it is later.
-                may = PLAIN | RISE if end.cleared else RISE if rest == 1 else PLAIN
-                self._add_next_round(end, 2 if end.cleared else 1, may)
+                left = rest - 2 if end.spans_next else rest  # that round's two interrupts are counted
+                self._check(end.ahead == 0 and end.ticks == left and end.rest == 0, "a fall", end)
+                if end.spans_next:
+                    self._add_next_round(end, 2, PLAIN | RISE)
+                else:
+                    self._add_next_round(end, 1, RISE if rest == 1 else PLAIN)
 
-    def _run_edges(self, begins: list[Beginning], rest: int, fine: int | None) -> list[Ending]:
-        """Return the ends of an interrupt with an edge; check its cycle."""
-        ram = self.interrupt.code.ram
-        known: Known = {ram[TICKS]: 1, ram[REST]: rest}
+    def _run_edges(self, begins: list[Beginning], rest: int, fine: int | None) -> tuple[Ending, ...]:
+        """Return the ends of an interrupt with an edge; check that its cycle is the same for every begin."""
+        variables = {TICKS: 1, REST: rest}
         if fine is not None:
-            known[ram[FINE]] = fine
-        self.interrupt.edges.clear()
-        ends = list(self.interrupt.run(begins, known))
-        wanted = {self.rise + (fine or 0)}
-        if self.rise < 0 and fine is None and len(self.interrupt.edges) == 1:
-            (self.rise,) = wanted = set(self.interrupt.edges)
-        if self.interrupt.edges != wanted:
+            variables[FINE] = fine
+        ends, edges = self.interrupt.run(begins, variables)
+        if self.rise is None and fine is None and len(edges) == 1:
+            (self.rise,) = edges
+        wanted = None if self.rise is None else self.rise + (fine or 0)
+        if edges != {wanted}:
             name = "rise" if fine is None else f"fall, {fine} cycles after a rise in its round,"
-            cycles = ", ".join(map(str, sorted(self.interrupt.edges)))
-            raise InterruptChanged(f"a {name} is in cycle {cycles} of its round, not {min(wanted)}")
+            cycles = ", ".join(map(str, sorted(edges)))
+            raise InterruptChanged(f"a {name} is in cycle {cycles} of its round, not {wanted or 'in one'}")
         return ends
 
     def _check_counts(self) -> None:
         """Check, for every width, in how many interrupts the fall and the next rise are due."""
-        ram, rounds = self.interrupt.code.ram, self.layout.rounds
+        rounds = self.layout.rounds
         for whole in range(1, rounds):
-            # The low byte is only passed on to `fine`: some other value for each number of rounds.
+            # The low byte is only passed on to `fine` (`lemmas.rise` has all): another one for each number.
             low = 37 * whole % ROUND
-            known = {ram[TICKS]: 1, ram[REST]: 0, ram[NEXT_HI]: whole, ram[NEXT_LO]: low}
-            for end in self.interrupt.run([Beginning(2)], known):
+            variables = {TICKS: 1, REST: 0, NEXT_HI: whole, NEXT_LO: low}
+            for end in self.interrupt.run([Beginning(2)], variables).ends:
                 due = 2 * whole - 1, 2 * (rounds - whole) - 1, low
-                self._check(
-                    (end.ticks, end.rest, end.fine) == due,
-                    f"after the rise of a pulse of {whole} rounds",
-                    end,
-                )
+                where = f"after the rise of a pulse of {whole} rounds"
+                self._check((end.ticks, end.rest, end.fine) == due, where, end)
 
     def _check(self, holds: bool, where: str, end: Ending) -> None:
         if not holds:

@@ -4,7 +4,15 @@ from __future__ import annotations
 
 import pytest
 
-from servogen.engines.stream.response import Round, RoundMoment, Timer
+from servogen.engines.stream.interrupt_code import (
+    AFTER_EDGE,
+    BEFORE_EDGE,
+    SPANS_NEXT_ROUND,
+    InterruptCode,
+    TimedState,
+    Timer,
+)
+from servogen.engines.stream.response import InterruptTimes
 from servogen.pic.isa import encode
 from servogen.pic.known_values import CARRY, FSR, INDF, ZERO, Known, W
 
@@ -14,14 +22,18 @@ NOP, RETFIE = encode("NOP"), encode("RETFIE")
 AS_THE_TIME = Timer()
 
 
-def round_of(*words: int, at: int = 4, masked: int = 9) -> Round:
-    return Round(dict(enumerate(words, at)), RAM, 0x60, 0x70, masked)
+def code_of(*words: int, at: int = 4) -> InterruptCode:
+    return InterruptCode(dict(enumerate(words, at)), RAM, 0x60, 0x70)
 
 
-def after(word: int, known: Known, timer: Timer = AS_THE_TIME, now: int = 50) -> RoundMoment:
+def round_of(*words: int, masked: int = 9) -> InterruptTimes:
+    return InterruptTimes(code_of(*words), masked)
+
+
+def after(word: int, known: Known, timer: Timer = AS_THE_TIME, now: int = 50) -> TimedState:
     """What follows a word at 0x10, of which one thing must follow."""
-    code = round_of(word, at=0x10)
-    (found,) = code.steps(RoundMoment(0x10, (), now, dict(known), timer), code.word(0x10))
+    code = code_of(word, at=0x10)
+    (found,) = code.successors(TimedState(0x10, (), now, dict(known), timer), code.word(0x10))
     return found
 
 
@@ -74,8 +86,8 @@ def test_a_constant_that_is_added_to_the_timer_costs_three_cycles() -> None:
 
 def test_a_flag_that_is_cleared_counts_only_after_an_edge() -> None:
     clear = encode("BCF", f=INTCON, b=2)
-    assert after(clear, {}, Timer(cleared=False)).timer.cleared is True
-    assert after(clear, {}).timer.cleared is None
+    assert after(clear, {}, Timer(phase=AFTER_EDGE)).timer.phase is SPANS_NEXT_ROUND
+    assert after(clear, {}).timer.phase is BEFORE_EDGE
 
 
 def test_a_write_of_a_port_through_the_pointer_changes_no_byte() -> None:
@@ -89,12 +101,12 @@ def test_a_write_of_a_port_through_the_pointer_changes_no_byte() -> None:
 def test_a_look_lasts_as_long_as_it_may_and_leaves_its_variables_unknown() -> None:
     test, back = encode("BTFSS", f=PORTA, b=4), encode("RETURN")
     # Skipped: 2, NOP 1, RETURN 2; else 1, GOTO 2, RETURN 2.
-    assert round_of(test, encode("GOTO", k=0x63), NOP, back, at=0x60).looks() == (5,)
-    code = round_of(test, back, NOP, back, at=0x60)
-    assert code.looks() == (3, 5)
-    call = round_of(encode("CALL", k=0x60)).word(4)
+    assert code_of(test, encode("GOTO", k=0x63), NOP, back, at=0x60).look_cycles == (5,)
+    code = code_of(test, back, NOP, back, at=0x60)
+    assert code.look_cycles == (3, 5)
+    call = code_of(encode("CALL", k=0x60)).word(4)
     known = {W: 1, CARRY: 0, ZERO: 1, RAM["t"]: 5, RAM["fine"]: 6}
-    found = code.steps(RoundMoment(0x10, (7,), 50, known), call)
+    found = code.successors(TimedState(0x10, (7,), 50, known), call)
     assert [(at.address, at.stack, at.cycle) for at in found] == [(0x11, (7,), 55), (0x11, (7,), 57)]
     assert all(at.known == {RAM["fine"]: 6} for at in found)
 
@@ -102,16 +114,16 @@ def test_a_look_lasts_as_long_as_it_may_and_leaves_its_variables_unknown() -> No
 def test_a_round_leaves_what_its_interrupt_does_not_take() -> None:
     # The latest begins in cycle 8: three NOPs, and RETFIE takes two cycles.
     code = round_of(NOP, NOP, NOP, RETFIE)
-    assert code.left(range(2, 9)) == 256 - (8 + 3 + 2)
-    assert code.left(range(2, 3)) == 256 - (2 + 3 + 2)
+    assert code.cycles_left(range(2, 9)) == 256 - (8 + 3 + 2)
+    assert code.cycles_left(range(2, 3)) == 256 - (2 + 3 + 2)
     # An interrupt that ends so late that the next round's would be delayed has no bound.
     long = round_of(*[NOP] * 244, RETFIE)
-    assert long.left(range(2, 7)) == 256 - (6 + 244 + 2)
-    assert long.left(range(2, 8)) is None
-    assert round_of(NOP).left(range(2, 3)) is None, "it leaves its words"
-    assert round_of(encode("GOTO", k=4)).left(range(2, 3)) is None, "it does not end"
+    assert long.cycles_left(range(2, 7)) == 256 - (6 + 244 + 2)
+    assert long.cycles_left(range(2, 8)) is None
+    assert round_of(NOP).cycles_left(range(2, 3)) is None, "it leaves its words"
+    assert round_of(encode("GOTO", k=4)).cycles_left(range(2, 3)) is None, "it does not end"
     with pytest.raises(LookupError, match=r"^the interrupt makes no edge$"):
-        round_of(encode("GOTO", k=4)).rise()
+        _ = round_of(encode("GOTO", k=4)).rise
 
 
 def test_a_round_with_two_interrupts_leaves_what_both_do_not_take() -> None:
@@ -131,6 +143,6 @@ def test_a_round_with_two_interrupts_leaves_what_both_do_not_take() -> None:
     # The first ends 12 cycles after the overflow: MOVLW, BTFSC and ADDWF one cycle each, BTFSS that skips and
     # GOTO two, NOP one, RETFIE two. The second begins up to six cycles after cycle 128 and takes 11: MOVLW
     # one, BTFSC that skips two, BTFSS one, GOTO two, MOVLW, ADDWF and NOP one each, RETFIE two.
-    assert round_of(*words, masked=0).left(range(2, 3)) == (128 - 12) + 256 - (134 + 11)
+    assert round_of(*words, masked=0).cycles_left(range(2, 3)) == (128 - 12) + 256 - (134 + 11)
     # Where the C masks interrupts for nine cycles, it begins so much later.
-    assert round_of(*words, masked=9).left(range(2, 3)) == (128 - 12) + 256 - (143 + 11)
+    assert round_of(*words, masked=9).cycles_left(range(2, 3)) == (128 - 12) + 256 - (143 + 11)
