@@ -71,7 +71,6 @@ ALLOWED = {
     "servogen/cli/app.py": ('"prove_command": ("prove",)',),
     "servogen/cli/doctor_command.py": ("to build a job and prove it",),
     "servogen/cli/build_commands.py": ("prove", "proven", "proof"),  # `build --prove` and its column
-    "servogen/engines/stream/response.py": ("proven",),  # a lemma of `prove --any-line`
     "servogen/report/text.py": ("servogen prove",),
     # The certificate's answer, beside a verdict on one run.
     "servogen/watch/subject.py": ("Return what is proven of", "two chips, what is proven of the one"),

@@ -83,21 +83,6 @@ class Response:
                 return Cycles(maximum)
         return None
 
-    @property
-    def proven(self) -> bool:
-        """Return whether every pulse is prepared before its slot."""
-        worst = self.after_command
-        return worst is not None and self.supply is not None and worst <= self.supply
-
-    def to_json(self) -> dict[str, object]:
-        return {
-            "prepare_cycles": self.prepare,
-            "execute_cycles": self.execute,
-            "supply_cycles": self.supply,
-            "slots_between_commands": self.slots_between_commands,
-            "proven": self.proven,
-        }
-
 
 def response(listing: Listing, rounds: int, max_travel: int, min_command: int) -> Response:
     """Return the bound for slots of `rounds` rounds of TMR0.

@@ -110,7 +110,6 @@ def guarantee(
     masked = 0 if streamed.coarse else MASKED
     exact = _Closure(interrupt, layout, fines, masked, tell, "edges")
     exact.close()
-    assert exact.rise is not None  # the first round that is followed may be a rise's
     # Only a trim's write to the EEPROM masks interrupts, and senders leave the line alone while it begins.
     answers = streamed.stream.transmit_pin is not None
     sequence = LookSequence(answers, min_first_bit_cycles(streamed))
@@ -128,8 +127,8 @@ class _Closure:
     masked: int
     tell: Tell
     what: str
-    rise: int | None = None
-    """The cycle of all rises, from the first that was followed."""
+    rise: int = -1
+    """The cycle of all rises, from the first that was followed; -1 until then."""
     entries: dict[_Entry, LastLook] = field(default_factory=dict)
     """With the earliest look of that kind: the one from which the gap to the next is largest."""
     _waiting: list[_Entry] = field(default_factory=list)
@@ -254,13 +253,13 @@ class _Closure:
         if fine is not None:
             variables[FINE] = fine
         ends, edges = self.interrupt.run(begins, variables)
-        if self.rise is None and fine is None and len(edges) == 1:
+        if self.rise < 0 and fine is None and len(edges) == 1:
             (self.rise,) = edges
-        wanted = None if self.rise is None else self.rise + (fine or 0)
+        wanted = self.rise + (fine or 0)
         if edges != {wanted}:
             name = "rise" if fine is None else f"fall, {fine} cycles after a rise in its round,"
             cycles = ", ".join(map(str, sorted(edges)))
-            raise InterruptChanged(f"a {name} is in cycle {cycles} of its round, not {wanted or 'in one'}")
+            raise InterruptChanged(f"a {name} is in cycle {cycles} of its round, not {wanted}")
         return ends
 
     def _check_counts(self) -> None:
