@@ -24,7 +24,7 @@ from servogen.engines.stream.settings import bit_units, first_units
 from servogen.engines.stream.streaming import streaming
 from servogen.errors import InputError
 from servogen.job import load, plan_job
-from servogen.prove.stream.rounds import Guarantee
+from servogen.prove.stream.samples import SampleTimes, SeenStart, StampGap
 from servogen.units import Clock, Cycles
 from tests.engines.stream.stream_soak import JOBS
 
@@ -173,11 +173,13 @@ def test_silence_is_counted_in_5_to_254_frames() -> None:
 # samples
 
 
-def guarantee(starts: set[tuple[int, int, int]], waits: set[tuple[int, int]]) -> Guarantee:
-    return Guarantee(163, frozenset(starts), frozenset(waits), 1)
+def times(starts: set[tuple[int, int, int]], waits: set[tuple[int, int]]) -> SampleTimes:
+    return SampleTimes(
+        frozenset(SeenStart(*start) for start in starts), frozenset(StampGap(*wait) for wait in waits)
+    )
 
 
-def latest(one: Guarantee, k: int, first: int, bit: int) -> int:
+def latest(one: SampleTimes, k: int, first: int, bit: int) -> int:
     """By trying each pair of time stamps, of which the second is the first one at the due cycle or later."""
     found = 0
     for stamp, since, gap in one.starts:
@@ -194,16 +196,16 @@ def latest(one: Guarantee, k: int, first: int, bit: int) -> int:
 
 
 def test_the_latest_sample_of_a_bit_is_that_of_the_worst_pair_of_looks() -> None:
-    one = guarantee({(10, 2, 100), (131, 2, 90)}, {(5, 120), (133, 128), (100, 60)})
+    one = times({(10, 2, 100), (131, 2, 90)}, {(5, 120), (133, 128), (100, 60)})
     for k in range(10):
         for first, bit in ((15, 104), (3, 64), (20, 65)):
-            assert one.latest_sample(k, first, bit) == latest(one, k, first, bit), (k, first, bit)
+            assert one.latest(k, first, bit) == latest(one, k, first, bit), (k, first, bit)
     assert (one.start_gap, one.bit_gap) == (100, 128)
 
 
 def test_the_earliest_sample_is_20_cycles_after_the_time_at_which_it_is_due() -> None:
-    one = guarantee({(10, 2, 100), (131, 5, 90)}, {(5, 120)})
+    one = times({(10, 2, 100), (131, 5, 90)}, {(5, 120)})
     for k in (0, 5, 9):
         # Time stamps are rounded down to 4 cycles: 10 to 8, and 131 to 128.
         due = [4 * (stamp // 4 + 16 + k * 104) - stamp + since for stamp, since in ((10, 2), (131, 5))]
-        assert one.earliest_sample(k, 15, 104) == 20 + min(due)
+        assert one.earliest(k, 15, 104) == 20 + min(due)
