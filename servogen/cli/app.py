@@ -121,11 +121,25 @@ def _load(command: str) -> Command:
     gc.enable()  # see `main`
     part = typer.Typer()
     part.callback()(_options)  # makes it a group, even of a single command
-    hints = get_type_hints(function, include_extras=True)
+    hints = _types(function)
     settings = {"ignore_unknown_options": _takes_numbers(hints)}  # -5 is a number, not an option
     spread = _spread(function, hints)
     part.command(command, context_settings=settings, rich_help_panel=PANELS[command])(spread)
     return typer.main.get_group(part).commands[command]
+
+
+def _types(declared: Any) -> dict[str, Any]:
+    """Return the types of the parameters of a command, or of a group of options, as typer takes them.
+
+    A parameter of which only the meaning is stated, `Annotated[type, "meaning"]`, is the option of its name.
+    """
+    hints = get_type_hints(declared, include_extras=True)
+    for name, hint in hints.items():
+        meaning = getattr(hint, "__metadata__", ("",))[0]
+        if meaning and isinstance(meaning, str):
+            option = typer.Option(f"--{name.replace('_', '-')}", help=meaning)
+            hints[name] = Annotated[hint.__origin__, option]
+    return hints
 
 
 def _takes_numbers(hints: Mapping[str, Any]) -> bool:
@@ -157,7 +171,7 @@ def _spread(command: Callable[..., None], hints: Mapping[str, Any]) -> Callable[
 
 
 def _option_parameters(options: Any) -> Iterator[inspect.Parameter]:
-    hints = get_type_hints(options, include_extras=True)
+    hints = _types(options)
     for field in fields(options):
         yield inspect.Parameter(
             field.name, inspect.Parameter.KEYWORD_ONLY, default=field.default, annotation=hints[field.name]

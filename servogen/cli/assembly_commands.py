@@ -20,7 +20,7 @@ from servogen.pic.device import device as device_named
 from servogen.pic.disassembler import disassemble as disassembled
 from servogen.programs import read_assembly
 
-ListingFile = Annotated[Path | None, typer.Option("--listing", help="Write the listing as well (.lst).")]
+ListingFile = Annotated[Path | None, "Write the listing as well (.lst)."]
 
 
 def assemble(
@@ -37,13 +37,9 @@ def assemble(
         ),
     ] = None,
     place: Annotated[
-        list[str] | None,
-        typer.Option("--place", help="A section's address: ISR=4h, as pic-as's -Wl,-pISR=4h (repeatable)."),
+        list[str] | None, "A section's address: ISR=4h, as pic-as's -Wl,-pISR=4h (repeatable)."
     ] = None,
-    device: Annotated[
-        str | None,
-        typer.Option("--device", help="The chip (default: the one that the source names, else PIC16F84)."),
-    ] = None,
+    device: Annotated[str | None, "The chip (default: the one that the source names, else PIC16F84)."] = None,
     timeout: TimeLimit = COMPILING.seconds,
     memory_mb: MemoryLimit = COMPILING.memory_mb,
 ) -> None:

@@ -49,10 +49,7 @@ def build(
         typer.Option("--output", "-o", help="The folder to write to (default: build/ and the job's name)."),
     ] = None,
     prove: Annotated[
-        bool,
-        typer.Option(
-            "--prove", help="Also prove each program for every power-up, input and chip; may take minutes."
-        ),
+        bool, "Also prove each program for every power-up, input and chip; may take minutes."
     ] = False,
     json: Json = False,
 ) -> None:
@@ -109,15 +106,10 @@ def demo(
     ] = Path("build"),
     certificates: Annotated[
         Path | None,
-        typer.Option(
-            "--certificates",
-            help="The folder of the certificates (JOB/main.cert.xz) that show what is proven "
-            "(default: beside each HEX file, or in the cache).",
-        ),
+        "The folder of the certificates (JOB/main.cert.xz) that show what is proven "
+        "(default: beside each HEX file, or in the cache).",
     ] = None,
-    prove: Annotated[
-        bool, typer.Option("--prove", help="Prove what has no certificate yet, and write it; takes minutes.")
-    ] = False,
+    prove: Annotated[bool, "Prove what has no certificate yet, and write it; takes minutes."] = False,
     json: Json = False,
 ) -> None:
     """Build several jobs, each into its own folder, and print one table: what is exact, and what is proven.

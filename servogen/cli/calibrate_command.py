@@ -42,16 +42,10 @@ TOLERANCE_DEG, WHEEL_TOLERANCE_DEG = 5.0, 20.0
 class SweepOptions:
     """How the servo is moved, and where the angles come from."""
 
-    servo: Annotated[
-        str | None, typer.Option("--servo", help="The servo to calibrate (default: the job's only one).")
-    ] = None
+    servo: Annotated[str | None, "The servo to calibrate (default: the job's only one)."] = None
     port: Port = None
-    from_us: Annotated[
-        float | None, typer.Option("--from-us", help="The shortest pulse, µs (default: the servo's limit).")
-    ] = None
-    to_us: Annotated[
-        float | None, typer.Option("--to-us", help="The longest pulse, µs (default: the servo's limit).")
-    ] = None
+    from_us: Annotated[float | None, "The shortest pulse, µs (default: the servo's limit)."] = None
+    to_us: Annotated[float | None, "The longest pulse, µs (default: the servo's limit)."] = None
     points: Annotated[int, typer.Option("--points", min=3, max=100, help="Number of pulse widths.")] = 7
     angles: Annotated[
         str | None,
@@ -60,10 +54,7 @@ class SweepOptions:
         ),
     ] = None
     readings: Annotated[
-        Path | None,
-        typer.Option(
-            "--readings", help="A CSV file of readings, width_us,angle_deg, instead of moving the servo."
-        ),
+        Path | None, "A CSV file of readings, width_us,angle_deg, instead of moving the servo."
     ] = None
     baud: Baud = None
     range_us: RangeUs = None
@@ -85,9 +76,7 @@ def calibrate(
         Path | None,
         typer.Option("--output", "-o", help="The file to write (default: SERVO.calibration.toml)."),
     ] = None,
-    plot: Annotated[
-        Path | None, typer.Option("--plot", help="Draw a picture of the fit: .png, .svg or .pdf.")
-    ] = None,
+    plot: Annotated[Path | None, "Draw a picture of the fit: .png, .svg or .pdf."] = None,
     json: Json = False,
 ) -> None:
     """Move one servo through its range, fit a line, or one with a bend, to what you read, and write it."""

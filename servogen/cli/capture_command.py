@@ -29,10 +29,7 @@ class CaptureOptions:
         str | None, typer.Option("--port", "-p", help="The analyser's serial port, such as /dev/ttyACM0.")
     ] = None
     sigrok: Annotated[
-        str | None,
-        typer.Option(
-            "--sigrok", help="Capture through sigrok-cli with this driver, such as fx2lafw, to a .sr file."
-        ),
+        str | None, "Capture through sigrok-cli with this driver, such as fx2lafw, to a .sr file."
     ] = None
     rate: Annotated[
         int | None,
@@ -46,15 +43,10 @@ class CaptureOptions:
         int | None,
         typer.Option("--memory", min=8, help="The analyser's memory in bytes, if it does not report it."),
     ] = None
-    trigger: Annotated[
-        str | None, typer.Option("--trigger", help="Start when this pin rises (default: the first servo's).")
-    ] = None
+    trigger: Annotated[str | None, "Start when this pin rises (default: the first servo's)."] = None
     wire: Annotated[
         list[str] | None,
-        typer.Option(
-            "--wire",
-            help="CHANNEL=PIN, such as 0=RB3 (default: 0 to 7 are RB0 to RB7, 8 to 12 are RA0 to RA4).",
-        ),
+        "CHANNEL=PIN, such as 0=RB3 (default: 0 to 7 are RB0 to RB7, 8 to 12 are RA0 to RA4).",
     ] = None
     stitch: Annotated[
         bool,
@@ -70,11 +62,8 @@ def capture(
     analyser: CaptureOptions,
     against: Annotated[
         Path | None,
-        typer.Option(
-            "--against",
-            help="The job, build or schedule.json that the program follows: it names the servos and sets "
-            "the duration.",
-        ),
+        "The job, build or schedule.json that the program follows: it names the servos and sets "
+        "the duration.",
     ] = None,
     seconds: Annotated[
         float | None,

@@ -16,18 +16,18 @@ DEFAULTS = SimulatorOptions()
 class ChipOptions:
     """The options of the simulated chip and its board; their defaults are the simulator's."""
 
-    ra4_pull_up: Annotated[
-        bool, Option("--ra4-pull-up", help="Connect a pull-up resistor to RA4, which is an open drain.")
-    ] = DEFAULTS.ra4_pull_up
+    ra4_pull_up: Annotated[bool, "Connect a pull-up resistor to RA4, which is an open drain."] = (
+        DEFAULTS.ra4_pull_up
+    )
     watchdog_us: Annotated[int, Option(help="The watchdog's period in µs; 7000 to 33000 on real chips.")] = (
         DEFAULTS.watchdog_us
     )
     eeprom_write_us: Annotated[
         int | None, Option(help="Duration of an EEPROM write in µs (default: typical of the device).")
     ] = DEFAULTS.eeprom_write_us
-    power_up: Annotated[
-        bool, Option("--power-up", help="Include the power-up timer and the oscillator's start-up time.")
-    ] = DEFAULTS.power_up
+    power_up: Annotated[bool, "Include the power-up timer and the oscillator's start-up time."] = (
+        DEFAULTS.power_up
+    )
     power_up_us: Annotated[
         int, Option(help="The power-up timer's period in µs; 28000 to 132000 on real chips.")
     ] = DEFAULTS.power_up_us

@@ -22,7 +22,7 @@ from servogen.isolation import COMPILING, WorkLimits
 from servogen.programs import beside_c, devices_of, dialect_of, included_names, read_source
 from servogen.units import counted
 
-ListingFile = Annotated[Path | None, typer.Option("--listing", help="Write the listing as well (.lst).")]
+ListingFile = Annotated[Path | None, "Write the listing as well (.lst)."]
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,11 +30,7 @@ class LanguageOptions:
     """The options of the C language and of the chip."""
 
     dialect: Annotated[
-        Dialect | None,
-        typer.Option(
-            "--dialect",
-            help="The C dialect (default: xc8 if a file includes <xc.h>, sdcc if <pic14/…>, else c2c).",
-        ),
+        Dialect | None, "The C dialect (default: xc8 if a file includes <xc.h>, sdcc if <pic14/…>, else c2c)."
     ] = None
     include: Annotated[
         list[Path] | None,
@@ -46,10 +42,7 @@ class LanguageOptions:
     ] = None
     device: Annotated[
         str | None,
-        typer.Option(
-            "--device",
-            help="The chip (default: the one that a header names, else PIC16F84, or PIC16F84A above 10 MHz).",
-        ),
+        "The chip (default: the one that a header names, else PIC16F84, or PIC16F84A above 10 MHz).",
     ] = None
     clock_hz: Annotated[
         int | None,
@@ -89,9 +82,7 @@ class CompilerOptions:
         list[str] | None,
         typer.Option("--no-warning", metavar="CODE", help="Suppress warnings with this code (repeatable)."),
     ] = None
-    verify_ir: Annotated[
-        bool, typer.Option("--verify-ir", help="Check the intermediate form after every pass.")
-    ] = False
+    verify_ir: Annotated[bool, "Check the intermediate form after every pass."] = False
     timeout: TimeLimit = COMPILING.seconds
     memory_mb: MemoryLimit = COMPILING.memory_mb
 

@@ -33,9 +33,7 @@ MISSING = "missing"
 
 
 def doctor(
-    inputs: Annotated[
-        str | None, typer.Option("--inputs", help="Identify the input board at this port.")
-    ] = None,
+    inputs: Annotated[str | None, "Identify the input board at this port."] = None,
     json: Json = False,
 ) -> None:
     """List the versions, tools and ports found on this machine."""

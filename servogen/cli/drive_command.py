@@ -30,11 +30,7 @@ class DriveOptions:
     """What the robot is to do."""
 
     pose: Annotated[
-        str | None,
-        typer.Option(
-            "--pose",
-            help="Move to one pose: its number or name, or angles in degrees such as arm=90,hand=45.",
-        ),
+        str | None, "Move to one pose: its number or name, or angles in degrees such as arm=90,hand=45."
     ] = None
     steer: Annotated[
         bool, typer.Option("--keys", help=f"Steer: {KEYS_HELP}; without a terminal, one command per line.")
@@ -50,11 +46,7 @@ class DriveOptions:
     ] = None
     stop: Annotated[
         str | None,
-        typer.Option(
-            "--stop",
-            help="What to do at the end: hold, neutral, off or a pose (default: stop wheels, hold "
-            "other servos).",
-        ),
+        "What to do at the end: hold, neutral, off or a pose (default: stop wheels, hold other servos).",
     ] = None
     step_mm: Annotated[
         float | None,

@@ -24,11 +24,7 @@ Port = Annotated[str | None, typer.Option("--port", "-p", help="The robot's seri
 Baud = Annotated[int | None, baud_option("that of the job's stream table")]
 RangeUs = Annotated[
     str | None,
-    typer.Option(
-        "--range-us",
-        help="The pulse widths of positions 0 and 254, such as 500,2500 (default: those of the job's "
-        "stream table).",
-    ),
+    "The pulse widths of positions 0 and 254, such as 500,2500 (default: those of the job's stream table).",
 ]
 First = Annotated[
     int, typer.Option("--first", min=0, max=253, help="The first servo's number on the controller.")
@@ -47,7 +43,7 @@ class WireOptions:
         float,
         typer.Option("--patience", min=0, help="How many seconds to wait for a port that has disappeared."),
     ] = 60.0
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the bytes without sending them.")] = False
+    dry_run: Annotated[bool, "Print the bytes without sending them."] = False
 
 
 def was_interrupted(run: Callable[[], object]) -> bool:

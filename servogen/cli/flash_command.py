@@ -26,17 +26,11 @@ class FlashOptions:
 
     programmer: Annotated[
         str | None,
-        typer.Option(
-            "--programmer",
-            help="picpro, pk2cmd, ipecmd, pickit3, usbpicprog, picprog or a path (default: the first found).",
-        ),
+        "picpro, pk2cmd, ipecmd, pickit3, usbpicprog, picprog or a path (default: the first found).",
     ] = None
     port: Annotated[str | None, typer.Option("--port", "-p", help="The programmer's serial port.")] = None
     device: Annotated[
-        str | None,
-        typer.Option(
-            "--device", help="The chip: PIC16F84 or PIC16F84A (default: what the program was built for)."
-        ),
+        str | None, "The chip: PIC16F84 or PIC16F84A (default: what the program was built for)."
     ] = None
     timeout: Annotated[float, typer.Option("--timeout", min=1, help="Seconds to wait for the chip.")] = 120.0
     number: Annotated[
@@ -67,12 +61,9 @@ def flash(
         Path, typer.Argument(help="The HEX file to program, or the folder of a build.", show_default=False)
     ],
     chosen: FlashOptions,
-    against: Annotated[
-        Path | None,
-        typer.Option("--against", help="The schedule to compare it with (default: the one beside it)."),
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Program the chip even if the checks fail.")] = False,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the command without running it.")] = False,
+    against: Annotated[Path | None, "The schedule to compare it with (default: the one beside it)."] = None,
+    force: Annotated[bool, "Program the chip even if the checks fail."] = False,
+    dry_run: Annotated[bool, "Print the command without running it."] = False,
     json: Json = False,
 ) -> None:
     """Compare a program's pulses with their schedule, program a chip, and check that it was programmed."""

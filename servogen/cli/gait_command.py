@@ -46,11 +46,7 @@ class GaitOptions:
         ),
     ] = usual(WalkTable, "duty")
     lifts: Annotated[
-        str | None,
-        typer.Option(
-            "--lifts",
-            help="A custom gait: the phase at which each leg lifts, L1=0,L2=0.5,… or 0,0.5,… in order.",
-        ),
+        str | None, "A custom gait: the phase at which each leg lifts, L1=0,L2=0.5,… or 0,0.5,… in order."
     ] = None
     stride_mm: Annotated[
         float,
@@ -79,7 +75,7 @@ class GaitOptions:
             "possible).",
         ),
     ] = usual(WalkTable, "cycle_s")
-    leg: Annotated[str | None, typer.Option("--leg", help="Plan only this leg.")] = None
+    leg: Annotated[str | None, "Plan only this leg."] = None
 
     @property
     def segment(self) -> Segment:
@@ -115,27 +111,19 @@ class PostureOptions:
         ),
     ] = usual(WalkTable, "stance_width_mm")
     body_shift_mm: Annotated[
-        tuple[float, float],
-        typer.Option(
-            "--body-shift-mm", help="How far forward and to the left the body stands over its feet."
-        ),
+        tuple[float, float], "How far forward and to the left the body stands over its feet."
     ] = (0.0, 0.0)
     body_yaw_deg: Annotated[
         float, table_option(WalkTable, "body_yaw_deg", "How far it is turned over its feet.")
     ] = 0.0
     body_tilt_deg: Annotated[
-        tuple[float, float],
-        typer.Option(
-            "--body-tilt-deg", help="Its roll and pitch: positive lowers the right side, the front."
-        ),
+        tuple[float, float], "Its roll and pitch: positive lowers the right side, the front."
     ] = (0.0, 0.0)
     margin_mm: Annotated[
         float | None,
         table_option(WalkTable, "margin_mm", "How far inside the other feet it leans before a foot lifts."),
     ] = usual(WalkTable, "margin_mm")
-    beta_sign: Annotated[
-        int, typer.Option("--beta-sign", help="1: lifted feet move backwards; -1: forwards.")
-    ] = 1
+    beta_sign: Annotated[int, "1: lifted feet move backwards; -1: forwards."] = 1
     spring_mm: Annotated[
         float | None,
         table_option(WalkTable, "spring_mm", "Refuse a walk that deflects a leg's spring by more than this."),
@@ -150,10 +138,9 @@ class PostureOptions:
             help="Compensate in swings for the motion that servos lose when a joint reverses.",
         ),
     ] = usual(WalkTable, "compensate")
-    allow_falling: Annotated[
-        bool,
-        typer.Option("--allow-falling", help="Plan a walk even if its stability margin is negative."),
-    ] = usual(WalkTable, "allow_falling")
+    allow_falling: Annotated[bool, "Plan a walk even if its stability margin is negative."] = usual(
+        WalkTable, "allow_falling"
+    )
 
     @property
     def posture(self) -> Posture:
@@ -191,9 +178,7 @@ class PostureOptions:
 class JointOptions:
     """The servos, and their frames."""
 
-    servo: Annotated[
-        str, typer.Option("--servo", help="The servo model of the joints, whose speed is the limit.")
-    ] = "mpx-tiny-s"
+    servo: Annotated[str, "The servo model of the joints, whose speed is the limit."] = "mpx-tiny-s"
     period_us: PeriodUs = 20_000
 
 

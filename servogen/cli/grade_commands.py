@@ -80,25 +80,17 @@ def handout(
 class GradeFiles:
     """The files for other programs; None: not requested."""
 
-    csv: Annotated[Path | None, typer.Option("--csv", help="Write a table with one row per program.")] = None
-    junit: Annotated[
-        Path | None, typer.Option("--junit", help="Write JUnit XML: a suite per program, a case per check.")
-    ] = None
+    csv: Annotated[Path | None, "Write a table with one row per program."] = None
+    junit: Annotated[Path | None, "Write JUnit XML: a suite per program, a case per check."] = None
     gradescope: Annotated[
         Path | None,
-        typer.Option(
-            "--gradescope",
-            help="Write Gradescope's results.json: for a single program to this file (.json), else "
-            "one file per program to this folder.",
-        ),
+        "Write Gradescope's results.json: for a single program to this file (.json), else "
+        "one file per program to this folder.",
     ] = None
     classroom: Annotated[
         Path | None,
-        typer.Option(
-            "--classroom",
-            help="Write the results that GitHub Classroom's reporter reads: for a single program to "
-            "this file (.json), else one file per program to this folder.",
-        ),
+        "Write the results that GitHub Classroom's reporter reads: for a single program to "
+        "this file (.json), else one file per program to this folder.",
     ] = None
 
     @property
@@ -150,10 +142,7 @@ class GradeLimits:
         ),
     ] = 1
     scheduler: Annotated[
-        str | None,
-        typer.Option(
-            "--scheduler", help="The address of a Dask scheduler (default: use this machine's cores)."
-        ),
+        str | None, "The address of a Dask scheduler (default: use this machine's cores)."
     ] = None
     timeout: Annotated[
         float,
@@ -173,11 +162,8 @@ class Browsing:
 
     watch: Annotated[
         bool,
-        typer.Option(
-            "--watch",
-            help="Afterwards serve the pages on this machine until Ctrl-C: a click opens a program "
-            "in the browser at the moment that is wrong.",
-        ),
+        "Afterwards serve the pages on this machine until Ctrl-C: a click opens a program "
+        "in the browser at the moment that is wrong.",
     ] = False
     port: ServerPort = 0
     browser: OpensBrowser = True
@@ -204,9 +190,7 @@ def grade(
     outputs: GradeFiles,
     work: GradeLimits,
     browsing: Browsing,
-    pages: Annotated[
-        Path | None, typer.Option("--pages", help="Write a Markdown page for each program to this folder.")
-    ] = None,
+    pages: Annotated[Path | None, "Write a Markdown page for each program to this folder."] = None,
     json: Json = False,
 ) -> None:
     """Check programs against a lab's task and report what is wrong with each."""

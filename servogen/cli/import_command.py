@@ -29,20 +29,14 @@ SERVO = "futaba-s3001"
 class TrackOptions:
     """What the tracks of a file mean, and how much of it is read."""
 
-    unit: Annotated[
-        str | None,
-        typer.Option("--unit", help=f"The unit of values that state none: {', '.join(UNITS)}."),
-    ] = None
+    unit: Annotated[str | None, f"The unit of values that state none: {', '.join(UNITS)}."] = None
     names: Annotated[
         list[str] | None,
         typer.Option(
             "--map", metavar="TRACK=NAME", help="The servo or joint of a track of another name (repeatable)."
         ),
     ] = None
-    joints: Annotated[
-        bool,
-        typer.Option("--joints", help="The angles are those of joints, as in ROS files and with --robot."),
-    ] = False
+    joints: Annotated[bool, "The angles are those of joints, as in ROS files and with --robot."] = False
     to_s: Annotated[
         float | None, typer.Option("--to-s", min=0, help="Import only the beginning, up to this time.")
     ] = None
@@ -67,24 +61,13 @@ class TrackOptions:
 class TargetOptions:
     """The job that is written."""
 
-    job: Annotated[
-        Path | None,
-        typer.Option("--job", help="The job whose servos move; its text is kept, its poses are replaced."),
-    ] = None
-    robot: Annotated[
-        str | None,
-        typer.Option("--robot", help="Without --job: the robot, or its file, whose joints are recorded."),
-    ] = None
-    servo: Annotated[
-        str | None, typer.Option("--servo", help=f"Without --job: the model of every servo ({SERVO}).")
-    ] = None
-    stream: Annotated[
-        bool,
-        typer.Option("--stream", help="A job that a computer plays over a serial line: of any length."),
-    ] = False
-    repeat: Annotated[bool, typer.Option("--repeat", help="The motion repeats endlessly.")] = False
+    job: Annotated[Path | None, "The job whose servos move; its text is kept, its poses are replaced."] = None
+    robot: Annotated[str | None, "Without --job: the robot, or its file, whose joints are recorded."] = None
+    servo: Annotated[str | None, f"Without --job: the model of every servo ({SERVO})."] = None
+    stream: Annotated[bool, "A job that a computer plays over a serial line: of any length."] = False
+    repeat: Annotated[bool, "The motion repeats endlessly."] = False
     output: Annotated[Path | None, typer.Option("--output", "-o", help="The job file to write.")] = None
-    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False
+    force: Annotated[bool, "Overwrite an existing file."] = False
 
     def path(self, file: Path) -> Path:
         """Return the file to write. Raises InputError."""
@@ -118,10 +101,7 @@ def import_(
     ],
     tracks: TrackOptions,
     target: TargetOptions,
-    against: Annotated[
-        Path | None,
-        typer.Option("--against", help="Write nothing: compare the recording with this job's motion."),
-    ] = None,
+    against: Annotated[Path | None, "Write nothing: compare the recording with this job's motion."] = None,
     json: Json = False,
 ) -> None:
     """Turn a motion of another program into poses of a job, and say how far its pulses are from it."""

@@ -23,17 +23,10 @@ from servogen.workflows.engines import planned as planned_job
 def new(
     file: Annotated[Path, typer.Argument(help="The job file to write.")] = Path("job.toml"),
     robot: Annotated[
-        str | None,
-        typer.Option(
-            "--robot",
-            help=f"The kind of robot: {', '.join(KINDS[:-1])}, {KINDS[-1]}, or a legged robot's file.",
-        ),
+        str | None, f"The kind of robot: {', '.join(KINDS[:-1])}, {KINDS[-1]}, or a legged robot's file."
     ] = None,
-    servo: Annotated[
-        str | None,
-        typer.Option("--servo", help="The servo of every joint: a model, such as sg90, or a servo file."),
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
+    servo: Annotated[str | None, "The servo of every joint: a model, such as sg90, or a servo file."] = None,
+    force: Annotated[bool, "Overwrite an existing file."] = False,
 ) -> None:
     """Write a commented job file to start from (without --robot: one servo; on a terminal it asks)."""
     if file.exists() and not force:

@@ -1,4 +1,8 @@
-"""Options and arguments that several commands share, each with one meaning and one help text."""
+"""Options and arguments that several commands share, each with one meaning and one help text.
+
+An option is a parameter of a command, or a field of a group: `Annotated[type, "meaning"]`. Its name is the
+parameter's; `typer.Option` stands where another name, limits or a parser are stated too.
+"""
 
 from __future__ import annotations
 
@@ -79,18 +83,15 @@ def _not_a_program(path: Path) -> Path:
 JobFile = Annotated[
     Path, typer.Argument(help="A job file (TOML).", show_default=False, callback=_not_a_program)
 ]
-Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
+Json = Annotated[bool, "Print the result as JSON."]
 ServerPort = Annotated[
     int, typer.Option("--port", min=0, max=65_535, help="Port of the server (default: any free one).")
 ]
 OpensBrowser = Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")]
-DeviceName = Annotated[str, typer.Option("--device", help="The chip: PIC16F84 or PIC16F84A.")]
+DeviceName = Annotated[str, "The chip: PIC16F84 or PIC16F84A."]
 OwnDevice = Annotated[
     str | None,
-    typer.Option(
-        "--device",
-        help="The chip: PIC16F84 or PIC16F84A (default: that of the job, schedule or header, else PIC16F84).",
-    ),
+    "The chip: PIC16F84 or PIC16F84A (default: that of the job, schedule or header, else PIC16F84).",
 ]
 
 
@@ -111,16 +112,8 @@ ClockHz = Annotated[
     int | None,
     typer.Option("--clock-hz", min=1, help="The clock in Hz (default: the one stated in the C, else 4 MHz)."),
 ]
-StimulusFile = Annotated[
-    Path | None, typer.Option("--stimulus", help="A TOML file of the signals that drive the pins.")
-]
-Partial = Annotated[
-    bool,
-    typer.Option(
-        "--partial",
-        help="Also exit with 0 if all recorded frames are right but some were not recorded.",
-    ),
-]
+StimulusFile = Annotated[Path | None, "A TOML file of the signals that drive the pins."]
+Partial = Annotated[bool, "Also exit with 0 if all recorded frames are right but some were not recorded."]
 CaptureRate = Annotated[
     int | None,
     sampling_rate_option("The capture's sampling rate in Hz, if its file does not state it."),
@@ -143,11 +136,8 @@ MemoryLimit = Annotated[
 ]
 Output = Annotated[Path | None, typer.Option("--output", "-o", help="The file to write.")]
 Plot = Annotated[Path | None, typer.Option("--plot", help="Draw a picture: .png, .svg or .pdf.")]
-Animate = Annotated[
-    Path | None,
-    typer.Option("--animate", help="Write an animation of the robot: .gif or .mp4 (needs ffmpeg)."),
-]
-Csv = Annotated[Path | None, typer.Option("--csv", help="Write one row per frame.")]
+Animate = Annotated[Path | None, "Write an animation of the robot: .gif or .mp4 (needs ffmpeg)."]
+Csv = Annotated[Path | None, "Write one row per frame."]
 
 
 class Dialect(StrEnum):

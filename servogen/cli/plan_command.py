@@ -8,8 +8,6 @@ from math import degrees
 from pathlib import Path
 from typing import Annotated, TextIO
 
-import typer
-
 from servogen.cli.options import Animate, Csv, JobFile, Json, Plot
 from servogen.cli.show import as_json, next_step, print_lines, status, table, warn_of_all
 from servogen.errors import ServogenError
@@ -30,10 +28,7 @@ def plan(
     picture: Plot = None,
     csv: Csv = None,
     animate: Animate = None,
-    fit: Annotated[
-        bool,
-        typer.Option("--fit", help="Write into the job where its horns centre the motion; comments stay."),
-    ] = False,
+    fit: Annotated[bool, "Write into the job where its horns centre the motion; comments stay."] = False,
     json: Json = False,
 ) -> None:
     """Show a job's motion without building it: frames, servos, horns, paths, pulse errors."""

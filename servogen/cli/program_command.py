@@ -24,9 +24,7 @@ from servogen.units import Clock, Cycles
 class ProgramOptions:
     """What is run, and for how long; ranges and defaults are those of a job's [program]."""
 
-    robot: Annotated[str, typer.Option("--robot", help="The robot: a catalogue name or a TOML file.")] = (
-        "rv-m1"
-    )
+    robot: Annotated[str, "The robot: a catalogue name or a TOML file."] = "rv-m1"
     inputs: Annotated[
         list[str] | None,
         typer.Option(
@@ -35,7 +33,7 @@ class ProgramOptions:
         ),
     ] = None
     period_us: PeriodUs = 20_000
-    repeat: Annotated[bool, typer.Option("--repeat", help="Repeat the program endlessly.")] = False
+    repeat: Annotated[bool, "Repeat the program endlessly."] = False
     max_commands: Annotated[
         int,
         table_option(

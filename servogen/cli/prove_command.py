@@ -47,9 +47,7 @@ class TimeOptions:
         list[str] | None,
         typer.Option("--to", metavar="MARK", help="Where that time ends, the first time that it is reached."),
     ] = None
-    interrupts: Annotated[
-        Interrupts, typer.Option("--interrupts", help="Whether times between marks include interrupts.")
-    ] = Interrupts.INCLUDED
+    interrupts: Annotated[Interrupts, "Whether times between marks include interrupts."] = Interrupts.INCLUDED
     clock_hz: ClockHz = None
 
 
@@ -60,14 +58,8 @@ def prove(
     claim: Claim,
     over: Over,
     times: TimeOptions,
-    against: Annotated[
-        Path | None,
-        typer.Option("--against", help="Prove that it follows this schedule.json, for all inputs."),
-    ] = None,
-    contract: Annotated[
-        Path | None,
-        typer.Option("--contract", help="Prove that it keeps this contract (TOML), for all inputs."),
-    ] = None,
+    against: Annotated[Path | None, "Prove that it follows this schedule.json, for all inputs."] = None,
+    contract: Annotated[Path | None, "Prove that it keeps this contract (TOML), for all inputs."] = None,
     device: OwnDevice = None,
     json: Json = False,
 ) -> None:

@@ -25,10 +25,7 @@ class ReportedCapture:
     """The capture beside the plan."""
 
     capture: Annotated[
-        Path | None,
-        typer.Option(
-            "--capture", help="A logic analyser's capture to show beside the plan: .vcd, .sr or .csv."
-        ),
+        Path | None, "A logic analyser's capture to show beside the plan: .vcd, .sr or .csv."
     ] = None
     rate: CaptureRate = None
     wire: RecordedWires = None
@@ -42,9 +39,7 @@ def report(
         Path | None,
         typer.Option("--output", "-o", help="The page to write (default: the job's name with .html)."),
     ] = None,
-    twin: Annotated[
-        bool, typer.Option("--twin", help="Also simulate the robot's physics (needs MuJoCo).")
-    ] = False,
+    twin: Annotated[bool, "Also simulate the robot's physics (needs MuJoCo)."] = False,
     json: Json = False,
 ) -> None:
     """Build a job, run it and write a self-contained HTML page about it."""

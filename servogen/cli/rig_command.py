@@ -45,41 +45,27 @@ class RigLine:
     """The simulated bench's serial line."""
 
     serial_pin: Annotated[
-        str | None,
-        typer.Option(
-            "--serial-pin", help="The pin that receives the serial line (default: the job's, or RB7)."
-        ),
+        str | None, "The pin that receives the serial line (default: the job's, or RB7)."
     ] = None
-    serial_out: Annotated[
-        str | None,
-        typer.Option("--serial-out", help="The pin on which the chip sends (default: the job's, or none)."),
-    ] = None
+    serial_out: Annotated[str | None, "The pin on which the chip sends (default: the job's, or none)."] = None
     baud: Annotated[int | None, baud_option("the job's, or 2400")] = None
-    inverted: Annotated[bool, typer.Option("--inverted", help="The serial line idles low.")] = False
+    inverted: Annotated[bool, "The serial line idles low."] = False
 
 
 @dataclass(frozen=True, slots=True)
 class BenchOptions:
     """The faults, the analyser and the input board of the simulated bench."""
 
-    crystal_ppm: Annotated[
-        float,
-        typer.Option("--crystal-ppm", help="Error of the chip's crystal in ppm; positive if it is fast."),
-    ] = 0.0
+    crystal_ppm: Annotated[float, "Error of the chip's crystal in ppm; positive if it is fast."] = 0.0
     memory: Annotated[int, typer.Option("--memory", min=16, help="The analyser's memory in bytes.")] = (
         24 * 1024
     )
     fastest: Annotated[int, sampling_rate_option("The analyser's maximum sampling rate in Hz.")] = 10**8
     glitches: Annotated[float, typer.Option("--noise", min=0, help="Wrong samples per second.")] = 0.0
     fault: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--fault", help="A fault, such as analyser:unplug-after=500 or programmer:silent (repeatable)."
-        ),
+        list[str] | None, "A fault, such as analyser:unplug-after=500 or programmer:silent (repeatable)."
     ] = None
-    real_time: Annotated[
-        bool, typer.Option("--real-time", help="Run the chip in real time, not as fast as possible.")
-    ] = False
+    real_time: Annotated[bool, "Run the chip in real time, not as fast as possible."] = False
     inputs: Annotated[
         list[str] | None,
         typer.Option(
@@ -94,9 +80,7 @@ class BenchOptions:
             help="Whether the input board runs ConfigurableFirmata, with its scheduler, or StandardFirmata.",
         ),
     ] = True
-    debug: Annotated[
-        bool, typer.Option("--debug", help="Let an editor debug the chip: prints the url for 'servogen dap'.")
-    ] = False
+    debug: Annotated[bool, "Let an editor debug the chip: prints the url for 'servogen dap'."] = False
 
 
 def rig(

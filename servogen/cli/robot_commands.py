@@ -37,8 +37,8 @@ JointValues = Annotated[
 ]
 Vector = tuple[float, float, float]
 NO_VECTOR: Vector = (0.0, 0.0, 0.0)
-Symbolic = Annotated[bool, typer.Option("--symbolic", help="Print simplified symbolic expressions.")]
-Style = Annotated[str, typer.Option("--style", help="Notation of symbolic expressions: text, latex or c.")]
+Symbolic = Annotated[bool, "Print simplified symbolic expressions."]
+Style = Annotated[str, "Notation of symbolic expressions: text, latex or c."]
 
 
 SHOWN_M = 1e-9
@@ -47,13 +47,8 @@ SHOWN_M = 1e-9
 
 def robots(
     name: Annotated[str | None, typer.Argument(help="The robot to show.", show_default=False)] = None,
-    urdf: Annotated[
-        Path | None,
-        typer.Option("--urdf", help="Write this arm as URDF, the robot description of ROS."),
-    ] = None,
-    mjcf: Annotated[
-        Path | None, typer.Option("--mjcf", help="Write its bodies as MJCF, a model for MuJoCo.")
-    ] = None,
+    urdf: Annotated[Path | None, "Write this arm as URDF, the robot description of ROS."] = None,
+    mjcf: Annotated[Path | None, "Write its bodies as MJCF, a model for MuJoCo."] = None,
     picture: Annotated[
         Path | None,
         typer.Option("--plot", help="Draw its kinematic scheme: .png, .svg or .pdf."),
@@ -227,11 +222,7 @@ def ik(
         bool, typer.Option("--all", help="Print every solution, the chosen one first.")
     ] = False,
     configuration: Annotated[
-        bool,
-        typer.Option(
-            "--configuration",
-            help="The target is a configuration vector: x y z in mm, the approach vector times e^(roll/π).",
-        ),
+        bool, "The target is a configuration vector: x y z in mm, the approach vector times e^(roll/π)."
     ] = False,
     json: Json = False,
 ) -> None:
@@ -273,14 +264,9 @@ def _print_wheel_speeds(answer: dict[str, Any]) -> None:
 def jacobian(
     name: RobotName,
     values: JointValues = None,
-    frame: Annotated[
-        str, typer.Option("--frame", help="The reference frame: 0 (base), n (tool) or a frame's number.")
-    ] = "0",
+    frame: Annotated[str, "The reference frame: 0 (base), n (tool) or a frame's number."] = "0",
     rates: Annotated[
-        str | None,
-        typer.Option(
-            "--rates", help="Joint speeds, such as '10 0 …' in °/s and mm/s: also print the tool's velocity."
-        ),
+        str | None, "Joint speeds, such as '10 0 …' in °/s and mm/s: also print the tool's velocity."
     ] = None,
     analytic: Annotated[
         str | None,
@@ -326,16 +312,10 @@ def jacobian(
 def statics(
     name: RobotName,
     values: JointValues = None,
-    force_n: Annotated[
-        Vector,
-        typer.Option("--force-n", help="The force on the tool or foot in N, in the frame that fk uses."),
-    ] = NO_VECTOR,
-    moment_nm: Annotated[
-        Vector, typer.Option("--moment-nm", help="The moment on it in N·m, in the same frame.")
-    ] = NO_VECTOR,
+    force_n: Annotated[Vector, "The force on the tool or foot in N, in the frame that fk uses."] = NO_VECTOR,
+    moment_nm: Annotated[Vector, "The moment on it in N·m, in the same frame."] = NO_VECTOR,
     leg: Annotated[
-        str | None,
-        typer.Option("--leg", help="The leg of a walking robot; the force is then in the frame of its body."),
+        str | None, "The leg of a walking robot; the force is then in the frame of its body."
     ] = None,
     json: Json = False,
 ) -> None:
@@ -369,16 +349,9 @@ def mobility(
         typer.Option("--elements", min=1, help="The number of elements of a mechanism, the base included."),
     ] = None,
     joint: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--joint",
-            help="KIND or KIND:NUMBER: turning, sliding, screw, cylindrical, universal, spherical.",
-        ),
+        list[str] | None, "KIND or KIND:NUMBER: turning, sliding, screw, cylindrical, universal, spherical."
     ] = None,
-    plane: Annotated[
-        bool,
-        typer.Option("--plane", help="The mechanism is planar: use Grübler's formula instead of Kutzbach's."),
-    ] = False,
+    plane: Annotated[bool, "The mechanism is planar: use Grübler's formula instead of Kutzbach's."] = False,
     json: Json = False,
 ) -> None:
     """Compute the mobility and manoeuvrability of a robot, or of a mechanism of elements and joints."""
@@ -461,16 +434,9 @@ def orientation(
 
 def differential(
     text: Annotated[str, typer.Argument(help="The frame T as a product such as 'Trans(10,5,0) Rx(90)'.")],
-    translation: Annotated[
-        Vector,
-        typer.Option("--translation", help="The small translation d, in the product's unit of length."),
-    ] = NO_VECTOR,
-    rotation_rad: Annotated[
-        Vector, typer.Option("--rotation-rad", help="The small rotation δ about x, y, z in radians.")
-    ] = NO_VECTOR,
-    moving: Annotated[
-        bool, typer.Option("--moving", help="Take d and δ along the axes of T instead of the fixed axes.")
-    ] = False,
+    translation: Annotated[Vector, "The small translation d, in the product's unit of length."] = NO_VECTOR,
+    rotation_rad: Annotated[Vector, "The small rotation δ about x, y, z in radians."] = NO_VECTOR,
+    moving: Annotated[bool, "Take d and δ along the axes of T instead of the fixed axes."] = False,
     json: Json = False,
 ) -> None:
     """Compute how a small motion changes a frame, dT = Δ T, and the same motion seen from the frame."""

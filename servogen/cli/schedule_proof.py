@@ -48,29 +48,17 @@ EXTRA_FRAMES = 2
 class Claim:
     """What is to be proven of a schedule, and how the answer is written."""
 
-    certificate: Annotated[
-        Path | None, typer.Option("--certificate", help="With --against: write the certificate of the proof.")
-    ] = None
-    counterexample: Annotated[
-        Path,
-        typer.Option(
-            "--counterexample", help="With --against: where to write the inputs of a run that goes wrong."
-        ),
-    ] = Path("counterexample.toml")
+    certificate: Annotated[Path | None, "With --against: write the certificate of the proof."] = None
+    counterexample: Annotated[Path, "With --against: where to write the inputs of a run that goes wrong."] = (
+        Path("counterexample.toml")
+    )
     certify_held_inputs: Annotated[
         bool,
-        typer.Option(
-            "--certify-held-inputs",
-            help="With --certificate and --hold-inputs: write the certificate although it is not about the "
-            "other levels of the buttons; check-certificate needs --allow-held.",
-        ),
+        "With --certificate and --hold-inputs: write the certificate although it is not about the "
+        "other levels of the buttons; check-certificate needs --allow-held.",
     ] = False
     accept_one_engine: Annotated[
-        bool,
-        typer.Option(
-            "--accept-one-engine",
-            help="With --against: exit 0 also for what the prover shows and the checker does not cover.",
-        ),
+        bool, "With --against: exit 0 also for what the prover shows and the checker does not cover."
     ] = False
     any_line: Annotated[
         Path | None,
@@ -96,12 +84,7 @@ class Claim:
 class Over:
     """What the proof quantifies over."""
 
-    hold_inputs: Annotated[
-        bool,
-        typer.Option(
-            "--hold-inputs", help="With --against: assume that the inputs keep the schedule's levels."
-        ),
-    ] = False
+    hold_inputs: Annotated[bool, "With --against: assume that the inputs keep the schedule's levels."] = False
     plain_tmr0: Annotated[
         bool,
         typer.Option(
@@ -111,11 +94,8 @@ class Over:
     ] = False
     any_eeprom: Annotated[
         bool,
-        typer.Option(
-            "--any-eeprom",
-            help="With --against: for every content of the EEPROM, whose bytes are the servos' trims; inputs "
-            "keep the schedule's levels.",
-        ),
+        "With --against: for every content of the EEPROM, whose bytes are the servos' trims; inputs "
+        "keep the schedule's levels.",
     ] = False
     power_up: Annotated[
         list[str] | None,
@@ -125,21 +105,12 @@ class Over:
             help="With --against: a known value at power-up, such as ram=0 or w=0x12 (repeatable).",
         ),
     ] = None
-    no_resets: Annotated[
-        bool,
-        typer.Option("--no-resets", help="With --against: assume that there is no reset after power-on."),
-    ] = False
+    no_resets: Annotated[bool, "With --against: assume that there is no reset after power-on."] = False
     watchdog_us: Annotated[
-        int | None,
-        typer.Option(
-            "--watchdog-us", help="With --against: the watchdog's period in µs (default: any in its range)."
-        ),
+        int | None, "With --against: the watchdog's period in µs (default: any in its range)."
     ] = None
     eeprom_write_us: Annotated[
-        int | None,
-        typer.Option(
-            "--eeprom-write-us", help="With --against: the duration of an EEPROM write, instead of any."
-        ),
+        int | None, "With --against: the duration of an EEPROM write, instead of any."
     ] = None
 
     def quantifiers(self) -> Quantifiers:

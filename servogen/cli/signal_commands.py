@@ -87,10 +87,7 @@ class RecordingOptions:
 class ContractOptions:
     """A contract in place of a schedule, and what a schedule would state."""
 
-    contract: Annotated[
-        Path | None,
-        typer.Option("--contract", help="The contract (TOML) that it should keep, instead of a schedule."),
-    ] = None
+    contract: Annotated[Path | None, "The contract (TOML) that it should keep, instead of a schedule."] = None
     stimulus: StimulusFile = None
     clock_hz: ClockHz = None
 
@@ -125,17 +122,10 @@ def verify(
     chip: ChipOptions,
     claim: ContractOptions,
     source: RecordingOptions,
-    against: Annotated[
-        Path | None,
-        typer.Option("--against", help="What it should follow: a job, its build, a schedule.json."),
-    ] = None,
+    against: Annotated[Path | None, "What it should follow: a job, its build, a schedule.json."] = None,
     seconds: Seconds = None,
     forever: Annotated[
-        bool,
-        typer.Option(
-            "--forever",
-            help="Compare for all time from this start: run until the chip's whole state repeats.",
-        ),
+        bool, "Compare for all time from this start: run until the chip's whole state repeats."
     ] = False,
     device: OwnDevice = None,
     json: Json = False,
@@ -309,17 +299,10 @@ class MeasuredFiles:
     """The files to write."""
 
     schedule: Annotated[
-        Path | None,
-        typer.Option(
-            "--schedule", help="Write the pulses as a schedule.json, for `verify` and `prove --against`."
-        ),
+        Path | None, "Write the pulses as a schedule.json, for `verify` and `prove --against`."
     ] = None
     contract: Annotated[
-        Path | None,
-        typer.Option(
-            "--contract",
-            help="Write what was seen as a contract (.toml), for `verify` and `prove --contract`.",
-        ),
+        Path | None, "Write what was seen as a contract (.toml), for `verify` and `prove --contract`."
     ] = None
     margin_percent: Annotated[
         float,
@@ -366,10 +349,7 @@ def measure(
     files: MeasuredFiles,
     seconds: Seconds = None,
     servo: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--servo", help="Check against this servo model (a name or a .toml file): MODEL or PIN=MODEL."
-        ),
+        list[str] | None, "Check against this servo model (a name or a .toml file): MODEL or PIN=MODEL."
     ] = None,
     clock_hz: ClockHz = None,
     wire: RecordedWires = None,
@@ -407,10 +387,7 @@ def plot(
     file: SignalFile,
     chip: ChipOptions,
     output: Annotated[Path, typer.Option("--output", "-o", help="The picture: .png, .svg or .pdf.")],
-    against: Annotated[
-        Path | None,
-        typer.Option("--against", help="The job, build or schedule.json that names channels."),
-    ] = None,
+    against: Annotated[Path | None, "The job, build or schedule.json that names channels."] = None,
     seconds: Seconds = None,
     clock_hz: ClockHz = None,
     wire: RecordedWires = None,

@@ -35,16 +35,10 @@ MAX_LINES = 20
 class SimulationFiles:
     """The files to write."""
 
-    edges: Annotated[
-        Path | None, typer.Option("--edges", help="Write the edges of the pins: .csv, .jsonl or .vcd.")
-    ] = None
-    vcd: Annotated[Path | None, typer.Option("--vcd", help="Write the edges of the pins as VCD.")] = None
-    trace: Annotated[
-        Path | None, typer.Option("--trace", help="Write every executed instruction with its source line.")
-    ] = None
-    eeprom: Annotated[
-        Path | None, typer.Option("--eeprom", help="Write the program with the final data EEPROM (.hex).")
-    ] = None
+    edges: Annotated[Path | None, "Write the edges of the pins: .csv, .jsonl or .vcd."] = None
+    vcd: Annotated[Path | None, "Write the edges of the pins as VCD."] = None
+    trace: Annotated[Path | None, "Write every executed instruction with its source line."] = None
+    eeprom: Annotated[Path | None, "Write the program with the final data EEPROM (.hex)."] = None
 
 
 def simulate(
@@ -58,7 +52,7 @@ def simulate(
         int | None, typer.Option("--cycles", min=0, max=MAX_CYCLES, help="Duration in cycles.")
     ] = None,
     stimulus: StimulusFile = None,
-    profile: Annotated[bool, typer.Option("--profile", help="Show where the cycles were spent.")] = False,
+    profile: Annotated[bool, "Show where the cycles were spent."] = False,
     clock_hz: ClockHz = None,
     device: OwnDevice = None,
     json: Json = False,

@@ -30,10 +30,7 @@ class CompiledElsewhere:
         Path | None,
         typer.Option("--c", help="The C that it was compiled from (default: the file that build writes)."),
     ] = None
-    dialect: Annotated[
-        Dialect | None,
-        typer.Option("--dialect", help="The C dialect (default: that of the C, else the job's)."),
-    ] = None
+    dialect: Annotated[Dialect | None, "The C dialect (default: that of the C, else the job's)."] = None
 
 
 def tune(

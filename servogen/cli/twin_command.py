@@ -27,14 +27,10 @@ from servogen.workflows.twinning import twin_of
 class GroundOptions:
     """The ground."""
 
-    friction: Annotated[float, typer.Option("--friction", help="Coefficient of friction of the ground.")] = (
-        0.8
-    )
-    slope_deg: Annotated[float, typer.Option("--slope-deg", help="Slope of the ground, rising forward.")] = (
-        0.0
-    )
-    step_mm: Annotated[float, typer.Option("--step-mm", help="Height of a step 150 mm ahead.")] = 0.0
-    rough_mm: Annotated[float, typer.Option("--rough-mm", help="Height of random bumps.")] = 0.0
+    friction: Annotated[float, "Coefficient of friction of the ground."] = 0.8
+    slope_deg: Annotated[float, "Slope of the ground, rising forward."] = 0.0
+    step_mm: Annotated[float, "Height of a step 150 mm ahead."] = 0.0
+    rough_mm: Annotated[float, "Height of random bumps."] = 0.0
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the random bumps.")] = 1
 
 
@@ -45,12 +41,8 @@ class RunOptions:
     hexfile: Annotated[
         Path | None, typer.Option("--hex", help="The program to run (default: the job's, compiled).")
     ] = None
-    broken: Annotated[
-        list[str] | None, typer.Option("--broken", help="A servo with a broken gear (repeatable).")
-    ] = None
-    unplugged: Annotated[
-        list[str] | None, typer.Option("--unplugged", help="A servo that receives no pulses (repeatable).")
-    ] = None
+    broken: Annotated[list[str] | None, "A servo with a broken gear (repeatable)."] = None
+    unplugged: Annotated[list[str] | None, "A servo that receives no pulses (repeatable)."] = None
     loops: Annotated[int, typer.Option("--loops", min=1, help="How many times the motion is played.")] = 1
     seconds: Annotated[
         float | None, typer.Option("--seconds", min=0, help="Duration from power-up, instead of --loops.")
@@ -66,11 +58,8 @@ class TwinFiles:
         Path | None,
         typer.Option("--plot", help="Draw path, torques, supply and feet: .png, .svg or .pdf."),
     ] = None
-    film: Annotated[
-        Path | None,
-        typer.Option("--film", help="Write an animation of the robot: .gif or .mp4 (needs ffmpeg)."),
-    ] = None
-    csv: Annotated[Path | None, typer.Option("--csv", help="Write one row per 5 ms.")] = None
+    film: Annotated[Path | None, "Write an animation of the robot: .gif or .mp4 (needs ffmpeg)."] = None
+    csv: Annotated[Path | None, "Write one row per 5 ms."] = None
 
 
 def twin(

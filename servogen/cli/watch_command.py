@@ -44,10 +44,7 @@ class PageOptions:
     ] = 0
     stimulus: StimulusFile = None
     robot: Annotated[
-        str | None,
-        typer.Option(
-            "--robot", help="The serial port of a real robot, which the sliders of a stream job move too."
-        ),
+        str | None, "The serial port of a real robot, which the sliders of a stream job move too."
     ] = None
     port: ServerPort = 0
     browser: OpensBrowser = True
@@ -62,11 +59,8 @@ def watch(
     page: PageOptions,
     against: Annotated[
         Path | None,
-        typer.Option(
-            "--against",
-            help="The schedule.json or the job (.toml) to compare a program or a capture with; with "
-            "a job, the page also shows the robot.",
-        ),
+        "The schedule.json or the job (.toml) to compare a program or a capture with; with "
+        "a job, the page also shows the robot.",
     ] = None,
     clock_hz: ClockHz = None,
     wire: RecordedWires = None,
