@@ -14,6 +14,7 @@ import numpy as np
 
 from servogen.checker import chip, layout
 from servogen.edges import PINS
+from servogen.pic import device
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
 from servogen.simulator import EEPROM24, Machine, MachineState, SimulatorOptions, Stimuli, on_pins
@@ -24,20 +25,11 @@ from tests.simulator import programs
 
 CLOCK = Clock(4_000_000)
 REGISTERS = {
-    layout.FSR: "FSR",
-    layout.PCLATH: "PCLATH",
-    layout.PORTA: "LATA",
-    layout.PORTB: "LATB",
-    layout.INTCON: "INTCON",
-    layout.EEDATA: "EEDATA",
-    layout.EEADR: "EEADR",
-    layout.EECON1: "EECON1",
-    layout.OPTION: "OPTION_REG",
-    layout.TRISA: "TRISA",
-    layout.TRISB: "TRISB",
+    row.slot: {"PORTA": "LATA", "PORTB": "LATB", "OPTION": "OPTION_REG"}.get(name := row.name.upper(), name)
+    for row in layout.REGISTERS
+    if row.slot not in (layout.W, layout.STATUS, layout.TMR0)
 }
-FILES = {0x01: "TMR0", 0x03: "STATUS", 0x04: "FSR", 0x05: "PORTA", 0x06: "PORTB", 0x08: "EEDATA",
-         0x09: "EEADR", 0x0A: "PCLATH", 0x0B: "INTCON", 0x88: "EECON1"}  # fmt: skip
+FILES = {each.address: each.name for each in device.REGISTERS}
 """What the chip reads at addresses other than RAM; some alike in both banks."""
 USED = {layout.PORTA: 0x1F, layout.TRISA: 0x1F, layout.EECON1: 0x0C, layout.INTCON: 0xFF}
 NO_EDGES = np.zeros(0, dtype=np.int64)

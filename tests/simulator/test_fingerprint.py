@@ -7,12 +7,13 @@ import pytest
 
 from servogen.simulator import layout as at
 from servogen.simulator.fingerprint import fingerprint, unknown_bits
+from servogen.simulator.slots import SlotFacts
 from tests.simulator.helpers import image
 from tests.simulator.helpers import machine as machine_of
 
-VALUES = ["PC", "W", "STATUS", "FSR", "PCLATH", "OPTION", "SLEEPING", "IN_RESET", "TMR0", "PRESCALER",
-          "EEDATA", "EEADR", "EECON1", "EE_STEP", "EE_CELL", "EE_BYTE", "INTCON", "PINS", "LATCH", "TRIS",
-          "RB_OLD", "EXT_MASK", "EXT_LEVEL", "DRIVEN", "DRIVEN_HIGH"]  # fmt: skip
+VALUES = [row.name for row in at.ROWS if row.register or row.port]
+VALUES += ["W", "SLEEPING", "IN_RESET", "PRESCALER", "EE_STEP", "EE_CELL", "EE_BYTE", "RB_OLD", "EXT_MASK",
+           "EXT_LEVEL", "DRIVEN", "DRIVEN_HIGH"]  # fmt: skip
 """Registers, latches and steps: what instructions read, or events change."""
 MOMENTS = ["IRQ_AT", "T0_TICK", "EE_DONE_AT"]
 """Times at which something will happen, or never."""
@@ -121,17 +122,14 @@ def test_the_stack_counts_from_its_top_whatever_the_place_in_the_ring() -> None:
     assert fingerprint(changed(s, "SP", 1)) != fingerprint(s)
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["W", "STATUS", "FSR", "TMR0", "EEDATA", "EEADR", "EECON1", "INTCON", "PINS", "LATCH", "PRESCALER"],
-)
-def test_which_bits_are_unknown_is_told_apart_without_their_source(name: str) -> None:
-    s = vector()
-    slot, bit = f"{name}_UNKNOWN", {"EECON1": 8, "INTCON": 4}.get(name, 1)
-    assert unknown_bits(changed(s, slot, bit)) != unknown_bits(changed(s, slot, 0))
-    if name in ("W", "FSR", "TMR0", "EEDATA", "EEADR"):
-        assert unknown_bits(changed(s, slot, 0x2001)) == unknown_bits(changed(s, slot, 0x3001))
-    assert fingerprint(changed(s, slot, bit)) == fingerprint(s)
+@pytest.mark.parametrize("row", [row for row, _ in at.UNCERTAIN], ids=lambda row: row.name)
+def test_which_bits_are_unknown_is_told_apart_without_their_source(row: SlotFacts) -> None:
+    s, bit = vector(), row.undefined & -row.undefined or 1
+    assert unknown_bits(changed(s, row.unknown_name, bit)) != unknown_bits(changed(s, row.unknown_name, 0))
+    if row.is_free:
+        sources = [unknown_bits(changed(s, row.unknown_name, bit | source << 8)) for source in (0x20, 0x30)]
+        assert sources[0] == sources[1]
+    assert fingerprint(changed(s, row.unknown_name, bit)) == fingerprint(s)
 
 
 def test_unknown_bits_of_ram_and_the_shortest_watchdog_are_told_apart() -> None:

@@ -12,6 +12,7 @@ from itertools import product
 import numpy as np
 import pytest
 
+from servogen.pic.device import registers
 from servogen.pic.image import Image
 from servogen.pic.isa import encode
 from servogen.simulator import LevelChange, Machine, Recorded, Stimuli
@@ -22,12 +23,12 @@ from tests.simulator.test_propagation import OF_C, OF_F, OF_W, ON_FILE, choices,
 
 # Special function registers ---------------------------------------------------------------------------------
 
-SLOTS = {3: at.STATUS, 4: at.FSR, 8: at.EEDATA, 9: at.EEADR, 0x0A: at.PCLATH, 0x02: at.PC}
-"""By address in bank 0; the bits of the first four may be unknown."""
-USED = {
-    3: (0x20, at.USE_BANK), 4: (0, 0), 8: (0, 0), 9: (0, 0),
-    0x0A: (0x1F, at.USE_REGISTER), 0x02: (0xFF, at.USE_JUMP),
-}  # fmt: skip
+ROWS = {
+    registers()[row.register].address: row for row in at.ROWS if row.register not in ("", "TMR0", "INTCON")
+}
+SLOTS = {address: row.number for address, row in ROWS.items() if address < 0x80}
+"""By address in bank 0; what else a write of TMR0, INTCON and bank 1 does is below."""
+USED = {3: (0x20, at.USE_BANK), 0x0A: (0x1F, at.USE_REGISTER), 0x02: (0xFF, at.USE_JUMP)}
 """The bits of a register on which something depends at once, and what."""
 
 
@@ -51,7 +52,7 @@ def test_a_bit_of_a_register_is_unknown_exactly_if_some_choice_changes_it(addres
         word = encode(name, **fields)
         known = {at.W: rng.randrange(256), at.STATUS: 0x18 | rng.randrange(8)}
         unknown = {at.W: rng.choice(masks), at.STATUS: rng.choice((0, 0, 1, 2, 4, 7))}
-        if address in (4, 8, 9):
+        if ROWS[address].is_free:
             known[SLOTS[address]], unknown[SLOTS[address]] = rng.randrange(256), rng.choice(masks)
         differs = dict.fromkeys((at.W, at.STATUS, at.PC, SLOTS[address]), 0)
         first: dict[int, int] = {}
@@ -74,7 +75,7 @@ def test_a_bit_of_a_register_is_unknown_exactly_if_some_choice_changes_it(addres
             if slot not in (at.PCLATH, at.PC):
                 assert s[slot + 1] & 0xFF == bits, where
                 assert (s[slot] ^ first[slot]) & 0xFF & ~bits == 0, where
-        bits, kind = USED[address]
+        bits, kind = USED.get(address, (0, 0))
         if address != 2 and differs[at.PC]:
             bits, kind = 0xFF, at.USE_SKIP
         assert s[at.USE_KIND] == (kind if differs[SLOTS[address]] & bits or kind == at.USE_SKIP else 0), where
