@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import pytest
 
-import servogen.compiler.library
-from servogen.compiler.sema.builtins import BUILTINS as BUILT_IN
 from servogen.errors import InputError
 from servogen.programs import device_of, dialect_of, included_names, read_program
-
-LIBRARY = Path(servogen.compiler.library.__file__).parent
 
 CASES = [
     ("#include <xc.h>\n", "xc8", None),
@@ -72,12 +67,3 @@ def test_a_clock_above_20_mhz_is_too_fast_for_every_chip(tmp_path: Path) -> None
     main.write_text("#include <xc.h>\n#define _XTAL_FREQ 20000001\nvoid main(void) { }\n")
     with pytest.raises(InputError, match="too fast: PIC16F84A runs at up to 20000000 Hz"):
         read_program(main)
-
-
-def test_the_page_of_the_compiler_lists_every_built_in_function() -> None:
-    """Those with which the library's own headers are written, such as `__sqrt`, are not for programs."""
-    page = (Path(__file__).parents[2] / "docs" / "compiler.md").read_text()
-    listed = page.split("### Built-in functions")[1].split("\n## ")[0]
-    library = " ".join(header.read_text() for header in LIBRARY.glob("*.h"))
-    missing = [name for name in BUILT_IN if not re.search(rf"`{name}[`(]", listed)]
-    assert [name for name in missing if f"{name}(" not in library] == []

@@ -216,6 +216,8 @@ class Builtin:
     data: object = None
     pure: bool = False
     """Whether it only yields a value, so that not using the value is a mistake."""
+    clears_watchdog: bool = False
+    returns: bool = True
 
 
 FLOAT_OPERATIONS = frozenset(

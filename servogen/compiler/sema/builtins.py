@@ -239,7 +239,8 @@ def instruction(analyser: Analyser, name: str, node: Any, arguments: list[Any]) 
     mnemonic = {"nop": "NOP", "clear_wdt": "CLRWDT", "clrwdt": "CLRWDT", "sleep": "SLEEP"}.get(
         name.lower().strip("_"), ""
     )
-    return tree.Builtin("instruction", [], VOID, analyser.place(node), mnemonic)
+    clears = mnemonic in ("CLRWDT", "SLEEP")
+    return tree.Builtin("instruction", [], VOID, analyser.place(node), mnemonic, clears_watchdog=clears)
 
 
 def delay(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> tree.Expr:
@@ -281,12 +282,13 @@ def watched_delay(analyser: Analyser, name: str, node: Any, arguments: list[Any]
     cycles = _xc8_cycles(analyser, name, node, arguments)
     clock = analyser.clock or Clock(UNKNOWN_CLOCK_HZ)
     unwatched = int(WATCHDOG_US[0] // clock.cycle_us)
-    return tree.Builtin("delay_watched", [], VOID, analyser.place(node), (cycles, unwatched))
+    data = (cycles, unwatched)
+    return tree.Builtin("delay_watched", [], VOID, analyser.place(node), data, clears_watchdog=True)
 
 
 def reset(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> tree.Expr:
     """Return a jump to address 0; the chip has no instruction that resets it."""
-    return tree.Builtin("restart", [], VOID, analyser.place(node))
+    return tree.Builtin("restart", [], VOID, analyser.place(node), returns=False)
 
 
 def _xc8_cycles(analyser: Analyser, name: str, node: Any, arguments: list[Any]) -> int:

@@ -269,7 +269,7 @@ def _chip(graph: CallGraph, reporter: Reporter, *, watchdog: bool) -> None:
         _flags(graph, [*main, *isr], isr, reporter)
         _directions([*main, *isr], reporter)
         _open_drain([*main, *isr], reporter)
-    if watchdog and not any(_feeds(expr) for expr in every):
+    if watchdog and not any(isinstance(expr, tree.Builtin) and expr.clears_watchdog for expr in every):
         reporter.warn(
             "c-watchdog",
             "the watchdog is on and never cleared: it resets the chip again and again",
@@ -377,11 +377,3 @@ def _open_drain(writes: list[_Write], reporter: Reporter) -> None:
             "RA4 is an open-drain output: it is high only with a pull-up resistor",
             first.place,
         )
-
-
-def _feeds(expr: tree.Expr) -> bool:
-    """Return whether an expression clears the watchdog."""
-    instruction = (
-        isinstance(expr, tree.Builtin) and expr.name == "instruction" and expr.data in ("CLRWDT", "SLEEP")
-    )
-    return instruction or (isinstance(expr, tree.Builtin) and expr.name == "delay_watched")

@@ -85,7 +85,7 @@ def _completes(node: tree.Stmt) -> bool:
     match node:
         case tree.Return() | tree.Jump():
             return False
-        case tree.ExprStmt(tree.Builtin("restart")):
+        case tree.ExprStmt(tree.Builtin(returns=False)):
             return False
         case tree.BlockStatement(body):
             reachable = True
