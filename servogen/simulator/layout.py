@@ -184,12 +184,15 @@ VISIT = _table.length
 """The slots that are noted at a breakpoint: all but the EEPROM and what serves reports."""
 EEPROM = _table.block("EEPROM", EEPROM_BYTES)
 """The cells, and above bit 7 what is unknown of each, which only the prover makes so."""
-WARNING_SLOTS, WARNING_FIELDS = 96, 3
+# Warnings about a pin, about the program as a whole, and about an address, of which there may be many.
+OF_A_PIN = (WARN_DRIVEN_UNWRITTEN, WARN_CONTENTION, WARN_RELEASED, WARN_PULLED_UP) = range(4)
+OF_ALL = (WARN_STACK_OVERFLOW, WARN_STACK_UNDERFLOW, WARN_EE_SEQUENCE, WARN_WATCHDOG) = range(4, 8)
+OF_AN_ADDRESS = (WARN_UNDEFINED, WARN_ERASED, WARN_EE_ADDRESS) = range(8, 11)
+WORD_WARNINGS, HARMLESS_WARNINGS = 40, 24
+"""The warnings up to which one of an undefined word, or one of another address, is recorded."""
+WARNING_SLOTS, WARNING_FIELDS = WORD_WARNINGS + 13 * len(OF_A_PIN) + len(OF_ALL), 3
 """Each warning is three slots: its code and subject, the cycle in which it was first due, and the address
-of the instruction."""
-HARMLESS_WARNINGS, WORD_WARNINGS = 24, 40
-"""The warnings up to which one of an erased word or of EEADR, or one of an undefined word, is recorded: the
-other warnings have 52 subjects, and each of these has to find room."""
+of the instruction. All that are not about an address find room."""
 WARNINGS = _table.block("WARNINGS", WARNING_FIELDS * WARNING_SLOTS)
 READ_UNWRITTEN = _table.block("READ_UNWRITTEN", RAM_SLOTS)
 """By address: whether the RAM byte was read before it was ever written."""
@@ -221,21 +224,6 @@ REGION = 1 + REGION_BYTES
 
 # Reasons why the instruction loop returns to the host.
 GOES_ON, AT_END, EDGES_FULL, AT_BREAKPOINT, NEEDS_STIMULUS, TRACE_FULL = range(6)
-
-# What a warning is about.
-(
-    WARN_DRIVEN_UNWRITTEN,
-    WARN_CONTENTION,
-    WARN_UNDEFINED,
-    WARN_ERASED,
-    WARN_STACK_OVERFLOW,
-    WARN_STACK_UNDERFLOW,
-    WARN_EE_SEQUENCE,
-    WARN_EE_ADDRESS,
-    WARN_WATCHDOG,
-    WARN_RELEASED,
-    WARN_PULLED_UP,
-) = range(11)
 
 # Sources of unknown bits (unknown.h). 1 to 0x0B are those of the table's rows, 0x0C to 0x4F the RAM bytes;
 # pins are added to FLOATING_PIN and UNWRITTEN_LATCH.

@@ -31,60 +31,57 @@ from servogen.units import Clock
 WORDS = {
     at.WARN_DRIVEN_UNWRITTEN: (
         "driven-before-written",
+        True,
         "{pins}: an output while its latch holds no known level, and not written low within 10 cycles and "
         "before the first pulse",
     ),
-    at.WARN_CONTENTION: ("contention", "{pins}: an output, and driven the other way from outside"),
+    at.WARN_CONTENTION: ("contention", True, "{pins}: an output, and driven the other way from outside"),
     at.WARN_UNDEFINED: (
         "undefined-word",
+        True,
         "the word at {address} is not an instruction of the data sheet; it was executed as NOP",
     ),
     at.WARN_ERASED: (
         "erased-word",
+        False,
         "the program ran into the unprogrammed word at {address} (ADDLW 0xFF)",
     ),
-    at.WARN_STACK_OVERFLOW: ("stack-overflow", "a ninth return address was pushed: the stack wrapped"),
+    at.WARN_STACK_OVERFLOW: ("stack-overflow", False, "a ninth return address was pushed: the stack wrapped"),
     at.WARN_STACK_UNDERFLOW: (
         "stack-underflow",
+        True,
         "a return with an empty stack: where it goes is unknown at power-up",
     ),
     at.WARN_EE_SEQUENCE: (
         "eeprom-sequence",
+        False,
         "WR was set without WREN or without the sequence 55h, AAh, WR just before: nothing is written",
     ),
-    at.WARN_EE_ADDRESS: ("eeprom-address", "EEADR is {address}; the EEPROM ends at 0x03F"),
+    at.WARN_EE_ADDRESS: ("eeprom-address", False, "EEADR is {address}; the EEPROM ends at 0x03F"),
     at.WARN_WATCHDOG: (
         "watchdog-margin",
+        True,
         "the watchdog was not cleared within its shortest period (7 ms of 7 to 33 ms, times the postscaler): "
         "some chips time out here",
     ),
     at.WARN_RELEASED: (
         "released",
+        False,
         "{pins}: a pin with pulses, and an input after the first pulse: the chip does not hold it low then",
     ),
     at.WARN_PULLED_UP: (
         "pulled-up",
+        True,
         "{pins}: a pin with pulses, and an input with a pull-up after the first pulse: it is high then",
     ),
 }
-"""Code and text."""
+"""Code; whether another chip, or the same one at its next power-up, may do differently; text."""
 
 CHIP_DEPENDENT = frozenset(
-    (
-        "driven-before-written",
-        "pulled-up",
-        "contention",
-        "device-timing",
-        "undefined-word",
-        "stack-underflow",
-        "watchdog-margin",
-        "unknown-start",
-        "no-configuration",
-        "oscillator",
-    )
+    {code for code, differs, _ in WORDS.values() if differs}
+    | {"device-timing", "unknown-start", "no-configuration", "oscillator"}
 )
 """Warnings of what another chip, or the same one at its next power-up, may do differently."""
-_OF_PINS = (at.WARN_DRIVEN_UNWRITTEN, at.WARN_CONTENTION, at.WARN_RELEASED, at.WARN_PULLED_UP)
 
 _USES = {
     at.USE_SKIP: "a skip depends on it",
@@ -116,14 +113,14 @@ def warnings_of(
     for code, subject, cycle, place in noted(s):
         if code == at.WARN_DRIVEN_UNWRITTEN and of_no_interest >> subject & 1:
             continue
-        if code in _OF_PINS:
+        if code in at.OF_A_PIN:
             places.setdefault((code, cycle, place, 0), []).append(PINS[subject])
         else:
             places[code, cycle, place, subject] = []
     dated = [(0, warning) for warning in _oscillator(image, clock)] + list(remarks)
     dated += [(int(s[at.USE_CYCLE]), warning) for warning in _first_use(s)]
     for (code, cycle, place, subject), pins in places.items():
-        kind, text = WORDS[code]
+        kind, _, text = WORDS[code]
         message = text.format(pins=", ".join(sorted(pins)), address=f"0x{subject:03X}")
         dated.append((cycle, Diagnostic("warning", kind, message, _at(cycle, place))))
     return tuple(diagnostic for _, diagnostic in sorted(dated, key=lambda dated_warning: dated_warning[0]))

@@ -90,10 +90,12 @@ def test_a_code_has_one_row_with_meaning_and_advice() -> None:
 
 def test_codes_that_tables_hold_are_explained_too() -> None:
     from servogen.pic.assembler.messages import NUMBERS
+    from servogen.simulator import layout as at
     from servogen.simulator.warnings import WORDS
 
     assert documented() >= CHIP_DEPENDENT
-    assert {code for code, _ in WORDS.values()} <= documented()
+    assert sorted(WORDS) == [*at.OF_A_PIN, *at.OF_ALL, *at.OF_AN_ADDRESS]
+    assert {code for code, _, _ in WORDS.values()} <= documented()
     assert set(NUMBERS) <= documented()
 
 

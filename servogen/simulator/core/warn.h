@@ -14,11 +14,9 @@ RARE void warn_of(Chip *s, i64 code, i64 subject, i64 cycle, i64 place)
     for (i64 i = 0; i < count; i++)
         if (s->warnings[WARNING_FIELDS * i] == key)
             return;
-    i64 room = WARNING_SLOTS;
-    if (code == WARN_ERASED || code == WARN_EE_ADDRESS)
-        room = HARMLESS_WARNINGS;
-    else if (code == WARN_UNDEFINED)
-        room = WORD_WARNINGS;
+    i64 room = code < WARN_UNDEFINED    ? WARNING_SLOTS
+               : code == WARN_UNDEFINED ? WORD_WARNINGS
+                                        : HARMLESS_WARNINGS;
     if (count < room) {
         s->warnings[WARNING_FIELDS * count] = key;
         s->warnings[WARNING_FIELDS * count + 1] = cycle;
