@@ -351,7 +351,6 @@ TABLES_OF_MNEMONICS = {
     "compiler/passes/branch_simplify.py": "DECF and INCF beside the skips that count like them",
     "compiler/passes/jump_threading.py": "each bit test beside its opposite",
     "compiler/sema/builtins.py": "the instructions that have a function in C",
-    "compiler/sema/checks.py": "the two instructions that clear the watchdog",
     "pic/analysis/state.py": "the instructions that copy a byte, and those that compare or count",
     "pic/known_values.py": "the instructions that it does not follow",
     "pic/semantics.py": "what instructions compute",
