@@ -28,8 +28,8 @@ from servogen.engines.stream.protocol import NO_TRIM
 from servogen.pic.device import EEPROM_BYTES
 from servogen.prove.stream.bits import Bits, byte
 from servogen.prove.stream.chip import StreamChip
+from servogen.prove.stream.chip_bytes import chip_bytes, invariant, receiver_counts
 from servogen.prove.stream.execution import EEPROM
-from servogen.prove.stream.lemmas import between_steps, bytes_of, receiver_counts
 from servogen.prove.stream.names import Names
 from servogen.simulator import Machine, SimulatorOptions, Stimuli
 from servogen.simulator import layout as at
@@ -112,14 +112,14 @@ def states(aim: Target, run: Run) -> Iterator[tuple[int, str]]:
             chip.begin_frame()
         if following < chip.servos:
             chip.prepare(following)
-        wanted = bytes_of(names, chip, byte(following))
+        wanted = chip_bytes(names, chip, byte(following))
         cycle = int(row[at.CYCLE])
         if not rise < cycle < rise + slot:
             yield cycle, f"the pulse of slot {number + 1} is prepared outside of the slot before it"
         for place, bits in wanted.items():
             if place < EEPROM and int(row[place]) & 0xFF != bits.value:
                 yield cycle, f"place 0x{place:02X} is {int(row[place]) & 0xFF}, not {bits.value}"
-        if not between_steps(names, chip, lambda place, row=row: of_row(row, place)).known:
+        if not invariant(names, chip, lambda place, row=row: of_row(row, place)).known:
             yield cycle, "what holds between two steps does not"
         if int(row[names.at("rx_bits")]) & 0xFF not in counts or int(row[names.at("due")]) & 1:
             yield cycle, "the receiver is in none of its states, or a pulse was late"
@@ -137,7 +137,7 @@ def visits(aim: Target, run: Run) -> Iterator[Rows]:
     """The chip's state each time that a pulse has been prepared."""
     schedule = run.made.streamed.plan.schedule
     machine = Machine(run.made.image, schedule.clock, run.options, Stimuli([run.line]))
-    machine.breakpoints = {aim.names.cleared}
+    machine.breakpoints = {aim.names.after_clear}
     parts: Iterator[tuple[EdgeChunk, Rows]] = machine.visits(int(run.line.now))
     for _, rows in parts:
         yield from rows

@@ -52,19 +52,19 @@ OPERATIONS: dict[str, tuple[Operation, int, Callable[[int, int], int]]] = {
     "|": (lambda x, y: x | y, 3, lambda x, y: x | y),
     "^": (lambda x, y: x ^ y, 3, lambda x, y: x ^ y),
     "~": (lambda x, y: ~x, 3, lambda x, y: 7 - x),
-    "above": (lambda x, y: x.above(y), 6, lambda x, y: 8 * x + y),
-    "above's upper bits": (lambda x, y: x.above(y)[3:], 3, lambda x, y: x),
-    "above's lower bits": (lambda x, y: x.above(y)[:3], 3, lambda x, y: y),
-    "above's middle": (lambda x, y: x.above(y)[1:5], 4, lambda x, y: (8 * x + y) // 2 % 16),
-    "above's bits of the lower part": (lambda x, y: x.above(y)[1:3], 2, lambda x, y: y // 2),
-    "above's bits of the upper part": (lambda x, y: x.above(y)[3:5], 2, lambda x, y: x % 4),
-    "above, masked": (lambda x, y: x.above(y) & 0b101101, 6, lambda x, y: (8 * x + y) & 0b101101),
-    "above and a number": (lambda x, y: x.above(y) + 9, 6, lambda x, y: (8 * x + y + 9) % 64),
+    "above": (lambda x, y: x.concat(y), 6, lambda x, y: 8 * x + y),
+    "above's upper bits": (lambda x, y: x.concat(y)[3:], 3, lambda x, y: x),
+    "above's lower bits": (lambda x, y: x.concat(y)[:3], 3, lambda x, y: y),
+    "above's middle": (lambda x, y: x.concat(y)[1:5], 4, lambda x, y: (8 * x + y) // 2 % 16),
+    "above's bits of the lower part": (lambda x, y: x.concat(y)[1:3], 2, lambda x, y: y // 2),
+    "above's bits of the upper part": (lambda x, y: x.concat(y)[3:5], 2, lambda x, y: x % 4),
+    "above, masked": (lambda x, y: x.concat(y) & 0b101101, 6, lambda x, y: (8 * x + y) & 0b101101),
+    "above and a number": (lambda x, y: x.concat(y) + 9, 6, lambda x, y: (8 * x + y + 9) % 64),
     "choose": (lambda x, y: choose(x.less(y), x, y), 3, min),
     "as_bit": (lambda x, y: as_bit(x.less(y)), 1, lambda x, y: int(x < y)),
-    "signed": (lambda x, y: x.signed(5), 5, lambda x, y: signed(x)),
-    "wide": (lambda x, y: x.wide(5), 5, lambda x, y: x),
-    "as wide": (lambda x, y: x.wide(3), 3, lambda x, y: x),
+    "signed": (lambda x, y: x.sign_extend(5), 5, lambda x, y: signed(x)),
+    "wide": (lambda x, y: x.zero_extend(5), 5, lambda x, y: x),
+    "as wide": (lambda x, y: x.zero_extend(3), 3, lambda x, y: x),
     "the whole": (lambda x, y: x[0:3], 3, lambda x, y: x),
     "all above 0": (lambda x, y: x[1:], 2, lambda x, y: x // 2),
     "one bit": (lambda x, y: x[1:2], 1, lambda x, y: x // 2 % 2),
@@ -174,7 +174,7 @@ def test_what_changes_nothing_makes_no_term() -> None:
     needs_the_solver()
     x = unknown("x", WIDTH)
     assert x + 0 is x and x - 0 is x and x | 0 is x and x ^ 0 is x and x & 7 is x
-    assert x[0:3] is x and x.wide(3) is x and x >> 0 is x
+    assert x[0:3] is x and x.zero_extend(3) is x and x >> 0 is x
     assert (x & 0).value == 0 and (Bits(WIDTH, 0) & x).value == 0 and (x >> 3).value == 0
     assert (x & 6).value is None and (x + 1).value is None and (x * 0).value is None
 
@@ -182,7 +182,7 @@ def test_what_changes_nothing_makes_no_term() -> None:
 def test_parts_that_are_known_stay_known() -> None:
     needs_the_solver()
     x = unknown("x", 4)
-    pair = x.above(Bits(4, 9))
+    pair = x.concat(Bits(4, 9))
     assert pair[0:4].value == 9 and pair[0:2].value == 1 and pair[4:8] is x
     # 9 + 6 = 15 fits the lower four bits; 9 + 7 = 16 does not.
     assert (pair + 6)[0:4].value == 15 and (pair + 6)[4:8] is x

@@ -12,7 +12,7 @@ from servogen.pic.image import Image
 from servogen.pic.isa import by_mnemonic, encode
 from servogen.prove.stream import execution
 from servogen.prove.stream.bits import FALSE, TRUE, Bits, Solver, Truth, byte, unknown
-from servogen.prove.stream.execution import RETURNED, Execution, NotFollowed, SymbolicState
+from servogen.prove.stream.execution import RETURNED, Access, Execution, NotFollowed, SymbolicState
 from tests.simulator.reference import Chip
 
 pytest.importorskip("bitwuzla", reason="the solver is not installed")
@@ -89,7 +89,7 @@ def test_what_is_unknown_goes_both_ways_if_both_are_possible() -> None:
         assert one.solver.possible(successor.path & bit) == (successor.pc == AT + 2)
         assert one.solver.possible(successor.path & ~bit) == (successor.pc == AT + 1)
     one, state = begun(encode("BTFSS", f=RAM, b=3))
-    one.given = one.initial(RAM).less(8)
+    one.precondition = one.initial(RAM).less(8)
     assert [successor.pc for successor in one.step(state)] == [AT + 1]
     one, state = begun(encode("INCFSZ", f=RAM, d=1))
     assert sorted(successor.pc for successor in one.step(state)) == [AT + 1, AT + 2]
@@ -129,12 +129,12 @@ def test_rp0_selects_the_bank(f: int, bank: int, place: int) -> None:
 def test_an_unknown_pointer_is_followed_to_each_place() -> None:
     one, state = begun(encode("MOVF", f=INDF, d=0))
     pointer = one.initial(FSR)
-    one.given = ~pointer.less(0x10) & pointer.less(0x13)
+    one.precondition = ~pointer.less(0x10) & pointer.less(0x13)
     successors = list(one.step(state))
     assert len(successors) == 3 and one.reads == {0x10, 0x11, 0x12}
     for successor, place in itertools.product(successors, one.reads):
         read = successor.w.equals(one.initial(place))
-        assert not one.solver.possible(one.given & successor.path & pointer.equals(place) & ~read)
+        assert not one.solver.possible(one.precondition & successor.path & pointer.equals(place) & ~read)
 
 
 def test_status_is_put_together_from_its_flags_and_the_bank() -> None:
@@ -186,20 +186,20 @@ def test_what_time_and_pins_change_is_read_anew_each_time() -> None:
     for f in (TMR0, PORTA, PORTB):
         one, state = begun(encode("MOVF", f=f, d=0))
         first = stepped(one, state)
-        assert first.w is one.initial(f) and first.looks == (f,) and one.reads == {f}
+        assert first.w is one.initial(f) and first.accesses == (Access(f),) and one.reads == {f}
         first.pc = AT
         second = stepped(one, first)
-        assert second.looks == (f, f)
+        assert second.accesses == (Access(f), Access(f))
         assert one.solver.possible(~second.w.equals(first.w)), "another look may give another value"
     one, state = begun(encode("MOVF", f=RAM, d=0))
-    assert stepped(one, state).looks == (), "a byte of RAM stays as it is"
+    assert stepped(one, state).accesses == (), "a byte of RAM stays as it is"
 
 
 def test_a_bit_of_a_port_changes_its_latch_only() -> None:
     for f in (PORTA, PORTB):
         one, state = begun(encode("BSF", f=f, b=1), {f: byte(0b1000)})
         after = stepped(one, state)
-        assert one.byte(after, f).value == 0b1010 and after.looks == ()
+        assert one.byte(after, f).value == 0b1010 and after.accesses == ()
         assert one.reads == {f} == one.writes
 
 
@@ -235,7 +235,7 @@ def test_a_computed_jump_goes_to_each_target() -> None:
     # The low byte of the next address plus 3, in the page of PCLATH's bits 1 and 0.
     assert stepped(one, state).pc == 0x200 + AT + 4
     state.w = unknown("W")
-    one.given = state.w.less(3)
+    one.precondition = state.w.less(3)
     assert sorted(successor.pc for successor in one.step(state)) == [0x241, 0x242, 0x243]
     one, state = begun(encode("ADDWF", f=PCL, d=1))
     with pytest.raises(NotFollowed, match=r"^PCLATH is not known at 0x040$"):
@@ -345,12 +345,12 @@ def test_the_reads_of_a_watched_variable_and_the_visits_of_an_address_are_counte
         AT + 1: encode("GOTO", k=AT),
         AT + 2: encode("MOVF", f=RAM, d=0),
     }
-    one, state = begun(words, {RAM: Bits(6, 0).above(unknown("n", 2))})
+    one, state = begun(words, {RAM: Bits(6, 0).concat(unknown("n", 2))})
     one.watched, one.counted = frozenset({RAM}), AT
-    one.given = ~one.first[RAM].equals(0)
+    one.precondition = ~one.initial_bytes[RAM].equals(0)
     ends = one.run(state, {AT + 3})
     # n turns for n of 1 to 3, a read in each, and one behind the loop.
-    assert sorted((end.looks.count(RAM), end.visits) for end in ends) == [(2, 1), (3, 2), (4, 3)]
+    assert sorted((end.reads_of(RAM), end.visits) for end in ends) == [(2, 1), (3, 2), (4, 3)]
     assert one.visits == 3
 
 
@@ -384,9 +384,9 @@ def test_whether_a_write_is_under_way_is_not_known() -> None:
     after = stepped(one, state)
     # RD reads as 0; WR and EEIF may be either, WREN and WRERR are as they were.
     assert after.w.bit(0).known is False and after.w.bit(1).known is None
-    assert after.w[2:4].value == 0b11 and after.w.bit(4).known is None and len(one.busy) == 1
+    assert after.w[2:4].value == 0b11 and after.w.bit(4).known is None and len(one.eeprom_busy) == 1
     assert one.solver.possible(after.w.bit(1)) and one.solver.possible(~after.w.bit(1))
-    assert not one.solver.possible(one.busy[0] & ~after.w.bit(1))
+    assert not one.solver.possible(one.eeprom_busy[0] & ~after.w.bit(1))
     one, state = eeprom({AT: encode("BSF", f=8, b=2)}, eecon1=0b1_1011)
     after = stepped(one, state)
     assert one.byte(after, EECON1).value == 0b1_1100, "another bit starts neither a read nor a write"
@@ -402,7 +402,7 @@ def program(*words: int, at: int = AT) -> dict[int, int]:
 def values_of(one: Execution, ends: Iterable[SymbolicState], place: int) -> set[int]:
     found = set()
     for end in ends:
-        left = one.given & end.path
+        left = one.precondition & end.path
         while one.solver.possible(left):
             value = one.solver.example(one.byte(end, place))
             found.add(value)

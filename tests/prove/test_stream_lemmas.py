@@ -22,9 +22,15 @@ from servogen.pic.image import Image, read_hex
 from servogen.pic.isa import encode
 from servogen.pic.listing import Listing, ListingRow
 from servogen.prove.counterexample import pin_changes
-from servogen.prove.stream.bits import FALSE, Bits, Truth, byte
+from servogen.prove.stream import lemmas as module
+from servogen.prove.stream.bits import FALSE, Bits, Solver, Truth, all_of, byte
 from servogen.prove.stream.chip import NOTHING, ReceiverState, StreamChip
 from servogen.prove.stream.counterexample import CounterexampleSearch, Suspect
+from servogen.prove.stream.execution import RETURNED, Execution, NotFollowed
+from servogen.prove.stream.lemmas import Lemmas
+from servogen.prove.stream.names import SCRATCH, Names
+from servogen.prove.stream.proof import prove_line
+from servogen.prove.stream.sharing import Accesses, Fails, MainAccesses, check_sharing, check_stack
 from servogen.simulator import Levels, Machine, Stimuli
 from tests.engines.stream import chip_model
 from tests.engines.stream.stream_soak import JOBS, TWELVE
@@ -42,10 +48,6 @@ def lemmas(  # type: ignore[no-untyped-def]
     listing: Listing, told: list[tuple[str, int, int]] | None = None, streamed: Streaming = STREAMED
 ):
     pytest.importorskip("bitwuzla", reason="the solver is not installed")
-    from servogen.prove.stream.bits import Solver
-    from servogen.prove.stream.lemmas import Lemmas
-    from servogen.prove.stream.names import Names
-
     told = [] if told is None else told
     return Lemmas(Names(listing, streamed), Solver(), lambda *progress: told.append(progress))
 
@@ -79,8 +81,6 @@ def test_the_words_are_the_protocol_s(listing: Listing) -> None:
 
 def variables_of(listing: Listing, places: Iterable[int]) -> set[str]:
     """The names of the C's variables at places, without those whose values no step leaves to the next."""
-    from servogen.prove.stream.names import SCRATCH
-
     return {
         name if size == 1 else f"{name}[{place - address}]"
         for address, name, size in listing.variables
@@ -113,7 +113,7 @@ def test_a_slot_without_a_servo_has_no_pulse(listing: Listing) -> None:
     assert variables_of(listing, accesses.reads) == {"due", "slot"}
     assert variables_of(listing, accesses.writes) == {"due", "slot", "mask", "next_hi"}
     assert told == [("pulses prepared", 2, 6)]
-    clear = found(listing, encode("CLRF", f=listing.variable("mask")), one.names.head)
+    clear = found(listing, encode("CLRF", f=listing.variable("mask")), one.names.loop_head)
     for at, word, text in (
         (clear, NOP, "the pulse of slot 3: mask becomes"),
         (clear + 1, encode("MOVLW", k=2), "the pulse of slot 3: next_hi becomes 2, not 1"),
@@ -127,17 +127,14 @@ def test_the_preparation_of_the_first_slot_begins_the_frame(
     listing: Listing, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """For servos that move at once and in no group; of all others the proof is longer."""
-    from servogen.prove.stream import lemmas as module
-    from servogen.prove.stream.bits import all_of
-
-    everywhere = module.between_steps
+    everywhere = module.invariant
 
     def calm(names: Any, chip: StreamChip, of: Callable[[int], Bits]) -> Truth:
         alone = [~member for member in (*chip.group, *chip.waiting, chip.starting)]
-        still = [value.equals(0) for value in (*chip.speeds, chip.left)]
+        still = [value.equals(0) for value in (*chip.speeds, chip.frames_left)]
         return everywhere(names, chip, of) & all_of([*alone, *still, chip.silence.less(10)])
 
-    monkeypatch.setattr(module, "between_steps", calm)
+    monkeypatch.setattr(module, "invariant", calm)
     accesses = lemmas(listing).prepare([5])
     assert variables_of(listing, accesses.writes) >= {"silence", "slot", "next_lo", "width_low[0]"}
     count = found(listing, encode("INCF", f=listing.variable("silence"), d=1), 0)
@@ -158,8 +155,6 @@ def test_each_lemma_begins_in_every_state_of_its_step(
     listing: Listing, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of all bytes, these bits only are known before it; "u" is unknown, bit 7 is the first."""
-    from servogen.prove.stream.execution import RETURNED, Execution
-
     begun: list[tuple[int, dict[int, str], Execution]] = []
     original = Execution.state
 
@@ -188,17 +183,19 @@ def test_each_lemma_begins_in_every_state_of_its_step(
     # Between two steps GIE and T0IE are set, and neither RD, WR nor WREN is.
     between = {11: "10100000", 0x88: "uuuuu000"}
     # Of `due`, bit 0 says that a pulse was late, once; bit 1 requests one; bit 2: a command came before it.
-    assert states(one.idle) == [(names.head, between | {place("due"): "0000000u"})]
+    assert states(one.idle) == [(names.loop_head, between | {place("due"): "0000000u"})]
     slot = {place("slot"): "uu000010", place("due"): "00000u1u"}
-    assert states(lambda: one.prepare([2])) == [(names.head, between | slot)]
+    assert states(lambda: one.prepare([2])) == [(names.loop_head, between | slot)]
     command = {place("todo"): "01000010", place("due"): "0000000u"}
-    assert states(lambda: one.execute((0x42,))) == [(names.cleared, between | command)]
+    assert states(lambda: one.execute((0x42,))) == [(names.after_clear, between | command)]
     assert states(one.rise) == [(names.edge + 1, {place("rest"): "0" * 8})]
     ((_, _, rise),) = begun
     # The prepared pulse has 1 to 12 rounds of 13, and the receiver has one of its counts.
     for name, values in (("next_hi", range(1, 13)), ("rx_bits", [*range(11), *range(0x41, 0x4B), 0x80])):
         found = [
-            n for n in range(256) if one.solver.possible(rise.given & rise.initial(place(name)).equals(n))
+            n
+            for n in range(256)
+            if one.solver.possible(rise.precondition & rise.initial(place(name)).equals(n))
         ]
         assert found == [*values]
     counts = [0, *range(1, 11), *range(0x41, 0x4B), 0x80]
@@ -225,8 +222,8 @@ def test_main_looks_once_in_a_turn_whether_a_pulse_is_requested(listing: Listing
 
 def test_nothing_comes_between_the_start_of_interrupts_and_main_s_loop(listing: Listing) -> None:
     one = lemmas(listing)
-    assert one.names.enabled == one.names.head
-    one.names.__dict__["head"] += 1
+    assert one.names.after_enable == one.names.loop_head
+    one.names.__dict__["loop_head"] += 1
     assert fault(one.start) == "interrupts are enabled before all that comes before main's loop is done"
 
 
@@ -236,19 +233,16 @@ def test_the_turns_of_the_division_are_counted(listing: Listing, monkeypatch: py
 
     Without a trim, from one end, in few frames: the proof of all is longer.
     """
-    from servogen.prove.stream import lemmas as module
-    from servogen.prove.stream.bits import all_of
-
-    everywhere, travel = module.between_steps, STREAMED.travels[1]
+    everywhere, travel = module.invariant, STREAMED.travels[1]
 
     def moving(names: Any, chip: StreamChip, of: Callable[[int], Bits]) -> Truth:
         one_way = chip.widths[1].equals(int(travel.minimum)) & chip.goals[1][0:8].equals(0x60)
-        few = chip.left.less(3) & chip.trims[1].equals(NO_TRIM)
+        few = chip.frames_left.less(3) & chip.trims[1].equals(NO_TRIM)
         return everywhere(names, chip, of) & all_of(
             [chip.group[1], ~chip.waiting[1], ~chip.starting, one_way, few]
         )
 
-    monkeypatch.setattr(module, "between_steps", moving)
+    monkeypatch.setattr(module, "invariant", moving)
     assert travel.maximum - travel.minimum == 778
     one = lemmas(listing)
     assert one.divided == 0
@@ -258,9 +252,6 @@ def test_the_turns_of_the_division_are_counted(listing: Listing, monkeypatch: py
 
 def fault(check: Callable[[], object]) -> str:
     """The reason for which a lemma does not hold or is not followed."""
-    from servogen.prove.stream.execution import NotFollowed
-    from servogen.prove.stream.lemmas import Fails
-
     try:
         check()
     except (Fails, NotFollowed) as error:
@@ -281,7 +272,7 @@ def test_main_leaves_bank_0_selected_and_the_eeprom_locked(listing: Listing) -> 
 
 
 def test_a_command_looks_once_whether_the_eeprom_is_being_written(listing: Listing) -> None:
-    one = lemmas(changed(listing, lemmas(listing).names.cleared, NOP))
+    one = lemmas(changed(listing, lemmas(listing).names.after_clear, NOP))
     assert fault(lambda: one.execute((0x42,))) == "the command FF 42: EECON1 is read 0 times"
 
 
@@ -293,8 +284,6 @@ def test_a_look_reads_the_line_and_the_timer_once(listing: Listing) -> None:
 
 
 def test_a_lemma_whose_run_does_not_end_fails(listing: Listing, monkeypatch: pytest.MonkeyPatch) -> None:
-    from servogen.prove.stream.execution import Execution
-
     one = lemmas(listing)
     monkeypatch.setattr(Execution, "run", lambda *arguments, **options: [])
     assert fault(one.start) == "after a reset the main loop is not reached"
@@ -350,17 +339,17 @@ def test_an_interrupt_keeps_to_its_own_places(listing: Listing) -> None:
 
 
 def test_what_the_interrupt_only_reads_main_may_not_write(listing: Listing) -> None:
-    from servogen.prove.stream.lemmas import Accesses
-
     none, left = frozenset[int](), frozenset([listing.variable("left")])
-    nothing = Accesses(none, none)
     wait = found(listing, NOP, listing.label("st_exactly"))
     other = lemmas(changed(listing, wait, encode("MOVF", f=listing.variable("left"), d=0)))
     for one, text in ((lemmas(listing), ""), (other, "main writes left, which the interrupt uses")):
-        assert fault(lambda: one.check_sharing(nothing, Accesses(none, left), nothing, none)) == text  # noqa: B023
-        assert fault(lambda: one.check_sharing(nothing, nothing, Accesses(none, left), none)) == text  # noqa: B023
-        both = Accesses(left, none)
-        assert fault(lambda: one.check_sharing(nothing, both, both, none)) == ""  # noqa: B023
+        write, read = Accesses(none, left), Accesses(left, none)
+        for main, sentence in (
+            (MainAccesses(prepare=write), text),
+            (MainAccesses(execute=write), text),
+            (MainAccesses(prepare=read, execute=read), ""),
+        ):
+            assert fault(lambda: check_sharing(one.names, main, none)) == sentence  # noqa: B023
 
 
 Change = Callable[[Listing], Listing]
@@ -400,8 +389,6 @@ NOP = encode("NOP")
 )
 def test_a_changed_interrupt_is_noticed(lemma: str, change: Change, why: str, listing: Listing) -> None:
     one = lemmas(listing)
-    from servogen.prove.stream.lemmas import Fails
-
     if lemma == "rise":
         edge = one.names.edge
         word = encode("MOVWF", f=listing.variable("fine"))
@@ -426,8 +413,6 @@ def test_a_changed_interrupt_is_noticed(lemma: str, change: Change, why: str, li
 def test_a_changed_command_is_noticed(
     seconds: tuple[int, ...], change: Change | None, why: str, listing: Listing
 ) -> None:
-    from servogen.prove.stream.lemmas import Fails
-
     if change is None:
         change = {
             0x41: lambda it: swapped(it, encode("ADDLW", k=it.variable("speed")), 1),
@@ -459,15 +444,11 @@ def swapped(listing: Listing, word: int, more: int | None) -> Listing:
 )
 def test_a_changed_preparation_is_noticed(change: Change, listing: Listing) -> None:
     one = lemmas(change(listing))
-    from servogen.prove.stream.lemmas import Fails
-
     with pytest.raises(Fails, match=r"the pulse of slot 1: width_low\[1\] becomes"):
         one.prepare([0])
 
 
 def test_a_changed_start_is_noticed(listing: Listing) -> None:
-    from servogen.prove.stream.lemmas import Fails
-
     # OPTION_REG: TMR0 would count the ticks of its pin.
     one = lemmas(swapped(listing, encode("MOVLW", k=0x8F), 0x20))
     with pytest.raises(Fails, match="after a reset: OPTION_REG becomes 175, not 143"):
@@ -475,22 +456,18 @@ def test_a_changed_start_is_noticed(listing: Listing) -> None:
 
 
 def test_main_may_not_touch_a_pulse_after_it_has_been_prepared(listing: Listing) -> None:
-    from servogen.prove.stream.lemmas import Accesses, Fails
-
-    one, none = lemmas(listing), frozenset[int]()
-    mask = frozenset([listing.variable("mask")])
-    one.check_sharing(Accesses(none, none), Accesses(none, mask), Accesses(none, none), none)
+    names, none = lemmas(listing).names, frozenset[int]()
+    mask = Accesses(writes=frozenset([listing.variable("mask")]))
+    check_sharing(names, MainAccesses(prepare=mask), none)
     with pytest.raises(Fails, match="main uses mask after the request is cleared"):
-        one.check_sharing(Accesses(none, none), Accesses(none, none), Accesses(none, mask), none)
+        check_sharing(names, MainAccesses(execute=mask), none)
+    ticks = Accesses(frozenset([listing.variable("ticks")]))
     with pytest.raises(Fails, match="main uses ticks, which the interrupt writes"):
-        ticks = frozenset([listing.variable("ticks")])
-        one.check_sharing(Accesses(none, none), Accesses(ticks, none), Accesses(none, none), none)
+        check_sharing(names, MainAccesses(prepare=ticks), none)
 
 
 def test_what_main_and_the_interrupt_may_share(listing: Listing) -> None:
     """Main hands a pulse over before it clears the request, takes a command after it, and answers then."""
-    from servogen.prove.stream.lemmas import Accesses, Fails
-
     one = lemmas(listing)
     none = frozenset[int]()
 
@@ -503,7 +480,10 @@ def test_what_main_and_the_interrupt_may_share(listing: Listing) -> None:
 
         kept = frozenset(place_of(each) for each in context.split())
         try:
-            one.check_sharing(accesses(main), accesses(preparing), accesses(executing), kept)
+            steps = MainAccesses(
+                start=accesses(main), prepare=accesses(preparing), execute=accesses(executing)
+            )
+            check_sharing(one.names, steps, kept)
         except Fails as error:
             return str(error)
         return ""
@@ -549,8 +529,6 @@ def test_what_main_and_the_interrupt_may_share(listing: Listing) -> None:
 
 def test_a_command_that_keeps_a_value_where_the_interrupt_keeps_w_is_noticed(listing: Listing) -> None:
     """Every word of it is right by itself: only an interrupt between its write and its reads changes it."""
-    from servogen.prove.stream.lemmas import Accesses, Fails
-
     kept, scratch = min(lemmas(listing).context()), listing.variable("sum_lo")
     assert kept is not None and scratch is not None
     first = found(listing, encode("ANDWF", f=listing.variable("todo"), d=0), 0)
@@ -559,16 +537,14 @@ def test_a_command_that_keeps_a_value_where_the_interrupt_keeps_w_is_noticed(lis
     for row in listing.rows:
         if first <= row.address < first + 0x38 and row.word & 0x7F == scratch and row.word < 0x1000:
             other = changed(other, row.address, row.word & ~0x7F | kept)
-    one, none = lemmas(other), Accesses(frozenset(), frozenset())
+    one = lemmas(other)
     context, executing = one.context(), one.execute((0x00, 0x80))
     assert kept in executing.reads & executing.writes
     with pytest.raises(Fails, match="where the interrupt keeps its registers"):
-        one.check_sharing(none, none, executing, context)
+        check_sharing(one.names, MainAccesses(execute=executing), context)
 
 
 def test_an_interrupt_that_leaves_the_bank_is_noticed(listing: Listing) -> None:
-    from servogen.prove.stream.lemmas import Fails
-
     # CLRF STATUS selects the bank.
     select = found(listing, encode("CLRF", f=3), 4)
     with pytest.raises(Fails, match="the interrupt does not select bank 0"):
@@ -653,16 +629,13 @@ def test_the_end_of_a_write_comes_at_any_time() -> None:
 def test_main_changes_a_prepared_pulse_in_no_cycle(listing: Listing) -> None:
     """Nothing of it is left after the turn: only an interrupt in between takes the wrong pulse."""
     again = "asm {\n    comf    _next_hi, 1\n    comf    _next_hi, 1\n    }"
-    one, none = lemmas(listing_of(changed_text("while (1) {", f"while (1) {{ {again}"))), frozenset[int]()
-    from servogen.prove.stream.lemmas import Accesses
-
-    idle = one.idle()
-    nothing = Accesses(none, none)
-    assert fault(lambda: one.check_sharing(nothing, nothing, nothing, none, idle)) == (
+    one = lemmas(listing_of(changed_text("while (1) {", f"while (1) {{ {again}")))
+    idle = MainAccesses(idle=one.idle())
+    assert fault(lambda: check_sharing(one.names, idle, frozenset())) == (
         "main writes next_hi without a request"
     )
     one = lemmas(listing)
-    assert fault(lambda: one.check_sharing(nothing, nothing, nothing, none, one.idle())) == ""
+    assert fault(lambda: check_sharing(one.names, MainAccesses(idle=one.idle()), frozenset())) == ""
 
 
 def test_an_answer_is_handed_over_by_the_last_word_of_it() -> None:
@@ -692,14 +665,12 @@ def test_main_and_an_interrupt_together_fit_the_stack() -> None:
         more = "".join(deep.format(n) for n in range(levels))
         words = f"void extend(void)\n{{\n    asm {{\n{more}    nop\n    }}"
         one = lemmas(listing_of(changed_text("void extend(void)\n{", words)))
-        assert fault(one.stack) == text
+        assert fault(lambda: check_stack(one.names)) == text  # noqa: B023
 
 
 @pytest.mark.campaign
 def test_a_failed_lemma_names_the_values_for_which_it_fails() -> None:
     one = lemmas(listing_of(RARE))
-    from servogen.prove.stream.lemmas import Fails
-
     with pytest.raises(Fails, match="the command FF 80: left becomes 9, not 77"):
         one.execute((0x80,))
     assert (one.suspect.second, one.suspect.third) == (0x80, 77)
@@ -738,8 +709,6 @@ def test_a_fault_that_no_pulse_shows_is_not_decided(
     listing: Listing, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("bitwuzla", reason="the solver is not installed")
-    from servogen.prove.stream.proof import prove_line
-
     monkeypatch.setattr("servogen.prove.stream.counterexample.FIRST_LINES", 3)
     monkeypatch.setattr("servogen.prove.stream.counterexample.SUSPECTED_LINES", 2)
     monkeypatch.setattr("servogen.prove.stream.counterexample.MORE_LINES", 2)
@@ -759,8 +728,6 @@ COARSE = plan_job(loads(TWELVE, "twelve.toml"))
 
 def test_a_coarse_chip_keeps_positions_and_a_word_that_keeps_another_is_found() -> None:
     """Of the last servo's commands and of one that a coarse chip does not know; a position is kept with 1."""
-    from servogen.prove.stream.lemmas import Fails
-
     streamed = stream(COARSE)[1]
     made = compiled(COARSE, streamed, "c2c").compilation.listing
     one = lemmas(made, streamed=streamed)
@@ -843,7 +810,7 @@ BEGINS = 11
 def sent(chip: ReceiverState, value: int, whole: bool) -> None:
     """A byte whose bits are looked at in their middle, in units of time."""
     units, now = STREAMED.bit_units, BEGINS
-    chip.start(byte(now & 0x3F), FALSE)
+    chip.hunt(byte(now & 0x3F), FALSE)
     levels = [0, *(value >> n & 1 for n in range(8)), int(whole)]
     end = now + units * 10
     while chip.bits.value and now < end:

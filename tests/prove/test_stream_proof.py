@@ -20,12 +20,13 @@ from servogen.pic.known_values import Undefined
 from servogen.pic.listing import Listing, ListingRow
 from servogen.prove.stream import proof
 from servogen.prove.stream.bits import TIME_LIMIT_MS, GivenUp
+from servogen.prove.stream.chip_bytes import receiver_counts
 from servogen.prove.stream.counterexample import NOBODY, Suspect
 from servogen.prove.stream.execution import NotFollowed
-from servogen.prove.stream.lemmas import Fails, receiver_counts
 from servogen.prove.stream.looks import InterruptChanged
 from servogen.prove.stream.proof import LineTheorem, UndecidedPart, by_lemmas, sender_assumptions
 from servogen.prove.stream.rounds import Guarantee
+from servogen.prove.stream.sharing import Fails
 from servogen.units import Cycles
 from tests.engines.stream.stream_soak import JOBS
 

@@ -386,8 +386,8 @@ def test_widths_and_goals_are_valid_within_the_travel_and_its_trim() -> None:
 
 
 def test_a_group_has_frames_left_and_silence_ends() -> None:
-    assert chip_with(group=[FALSE, TRUE, FALSE], left=byte(1)).valid().known is True
-    assert chip_with(group=[FALSE, TRUE, FALSE], left=byte(0)).valid().known is False
+    assert chip_with(group=[FALSE, TRUE, FALSE], frames_left=byte(1)).valid().known is True
+    assert chip_with(group=[FALSE, TRUE, FALSE], frames_left=byte(0)).valid().known is False
     for fail_safe, most in (("neutral", 51), ("off", 50), ("hold", 255)):
         streamed = replace(ARM, stream=replace(ARM.stream, fail_safe=fail_safe))
         assert chip_with(streamed=streamed, silence=byte(most)).valid().known is True
@@ -429,7 +429,7 @@ def test_a_copy_of_a_chip_is_its_own() -> None:
         assert values == [bits.value for bits in getattr(fresh, name)]
     for name in ("group", "waiting"):
         assert [truth.known for truth in getattr(chip, name)] == [False] * 3
-    assert chip.left.value == 0 and chip.gathering.known is False
+    assert chip.frames_left.value == 0 and chip.gathering.known is False
 
 
 def test_a_query_is_answered_by_the_byte_that_it_asks_for() -> None:
@@ -476,9 +476,9 @@ def test_a_start_bit_that_is_high_was_noise() -> None:
         one.look(byte(9), line)
         assert (one.bits.value, one.byte.value) == (bits, 0)
     idle = receiver(0)
-    idle.start(byte(7), TRUE)
+    idle.hunt(byte(7), TRUE)
     assert (idle.bits.value, idle.left.value, idle.last.value) == (0, 3, 0)
-    idle.start(byte(7), FALSE)
+    idle.hunt(byte(7), FALSE)
     assert (idle.bits.value, idle.left.value, idle.last.value) == (10, 15, 7)
 
 

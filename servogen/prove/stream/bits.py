@@ -57,25 +57,29 @@ def _term(kind: str, *operands: Any, indices: tuple[int, ...] = ()) -> Any:
 class Truth:
     """A statement: true, false, or a term."""
 
-    __slots__ = ("_made", "known")
+    __slots__ = ("_solver_term", "known")
 
     def __init__(self, known: bool | None, term: Any = None) -> None:
         self.known = known
-        self._made = term
+        self._solver_term = term
 
     @property
     def term(self) -> Any:
         """Return the solver's term, made when it is first needed."""
-        if self._made is None:
-            self._made = _manager().mk_true() if self.known else _manager().mk_false()
-        return self._made
+        if self._solver_term is None:
+            self._solver_term = _manager().mk_true() if self.known else _manager().mk_false()
+        return self._solver_term
 
     def __and__(self, other: Truth) -> Truth:
         if self.known is not None:
             return other if self.known else self
         if other.known is not None:
             return self if other.known else other
-        return self if self._made is other._made else Truth(None, _term("AND", self.term, other.term))
+        return (
+            self
+            if self._solver_term is other._solver_term
+            else Truth(None, _term("AND", self.term, other.term))
+        )
 
     def __or__(self, other: Truth) -> Truth:
         return ~(~self & ~other)
@@ -83,7 +87,7 @@ class Truth:
     def __invert__(self) -> Truth:
         if self.known is not None:
             return Truth(not self.known)
-        return Truth(None, _term("NOT", self._made))
+        return Truth(None, _term("NOT", self._solver_term))
 
 
 TRUE, FALSE = Truth(True), Truth(False)
@@ -92,7 +96,7 @@ TRUE, FALSE = Truth(True), Truth(False)
 class Bits:
     """`width` bits: a number, or a term."""
 
-    __slots__ = ("_made", "_parts", "value", "width")
+    __slots__ = ("_parts", "_solver_term", "value", "width")
 
     def __init__(
         self, width: int, value: int | None, term: Any = None, parts: tuple[Bits, Bits] | None = None
@@ -101,27 +105,27 @@ class Bits:
         self._parts = parts
         """The higher and the lower bits that it was put together from."""
         self.value = None if value is None else value & ((1 << width) - 1)
-        self._made = term
+        self._solver_term = term
 
     @property
     def term(self) -> Any:
         """Return the solver's term, made when it is first needed."""
-        if self._made is None:
+        if self._solver_term is None:
             assert self.value is not None
-            self._made = _number(self.width, self.value)
-        return self._made
+            self._solver_term = _number(self.width, self.value)
+        return self._solver_term
 
-    def _of_two(self, other: Bits | int, kind: str) -> Bits:
+    def _binary_term(self, other: Bits | int, kind: str) -> Bits:
         return Bits(self.width, None, _term(kind, self.term, self._as_bits(other).term))
 
     def _as_bits(self, other: Bits | int) -> Bits:
         return other if isinstance(other, Bits) else Bits(self.width, other)
 
-    def _known_with(self, other: Bits | int) -> int | None:
+    def _operand_value(self, other: Bits | int) -> int | None:
         return other if isinstance(other, int) else other.value
 
     def __add__(self, other: Bits | int) -> Bits:
-        number = self._known_with(other)
+        number = self._operand_value(other)
         if self.value is not None and number is not None:
             return Bits(self.width, self.value + number)
         if number == 0:
@@ -131,56 +135,56 @@ class Bits:
             # Without a carry the upper bits stay as they are, and the sum remains a pair of which one part is
             # known.
             if lower.value is not None and lower.value + number < 1 << lower.width:
-                return upper.above(lower + number)
-        return self._of_two(other, "BV_ADD")
+                return upper.concat(lower + number)
+        return self._binary_term(other, "BV_ADD")
 
     def __sub__(self, other: Bits | int) -> Bits:
-        number = self._known_with(other)
+        number = self._operand_value(other)
         if self.value is not None and number is not None:
             return Bits(self.width, self.value - number)
-        return self if number == 0 else self._of_two(other, "BV_SUB")
+        return self if number == 0 else self._binary_term(other, "BV_SUB")
 
     def __mul__(self, other: Bits | int) -> Bits:
-        number = self._known_with(other)
+        number = self._operand_value(other)
         if self.value is not None and number is not None:
             return Bits(self.width, self.value * number)
-        return self._of_two(other, "BV_MUL")
+        return self._binary_term(other, "BV_MUL")
 
     def __floordiv__(self, other: Bits | int) -> Bits:
         """Return the quotient, rounded down; all ones if the divisor is 0."""
-        number = self._known_with(other)
+        number = self._operand_value(other)
         if self.value is not None and number is not None:
             return Bits(self.width, self.value // number if number else -1)
-        return self._of_two(other, "BV_UDIV")
+        return self._binary_term(other, "BV_UDIV")
 
     def __and__(self, other: Bits | int) -> Bits:
-        number = self._known_with(other)
+        number = self._operand_value(other)
         if self.value is not None and number is not None:
             return Bits(self.width, self.value & number)
         if number == 0 or self.value == 0:
             return Bits(self.width, 0)
         if number is not None and self._parts is not None:
             upper, lower = self._parts
-            return (upper & (number >> lower.width)).above(lower & (number & (1 << lower.width) - 1))
-        return self if number == (1 << self.width) - 1 else self._of_two(other, "BV_AND")
+            return (upper & (number >> lower.width)).concat(lower & (number & (1 << lower.width) - 1))
+        return self if number == (1 << self.width) - 1 else self._binary_term(other, "BV_AND")
 
     def __or__(self, other: Bits | int) -> Bits:
-        number = self._known_with(other)
+        number = self._operand_value(other)
         if self.value is not None and number is not None:
             return Bits(self.width, self.value | number)
-        return self if number == 0 else self._of_two(other, "BV_OR")
+        return self if number == 0 else self._binary_term(other, "BV_OR")
 
     def __xor__(self, other: Bits | int) -> Bits:
-        number = self._known_with(other)
+        number = self._operand_value(other)
         if self.value is not None and number is not None:
             return Bits(self.width, self.value ^ number)
-        return self if number == 0 else self._of_two(other, "BV_XOR")
+        return self if number == 0 else self._binary_term(other, "BV_XOR")
 
     def __invert__(self) -> Bits:
         return self ^ ((1 << self.width) - 1)
 
     def __rshift__(self, places: int) -> Bits:
-        return self[places:].wide(self.width) if places < self.width else Bits(self.width, 0)
+        return self[places:].zero_extend(self.width) if places < self.width else Bits(self.width, 0)
 
     def __getitem__(self, which: slice) -> Bits:
         """Return bits `start` up to, but not including, `stop`; the lowest is bit 0."""
@@ -195,8 +199,8 @@ class Bits:
                 return lower[low:high]
             if low >= lower.width:
                 return upper[low - lower.width : high - lower.width]
-            return upper[: high - lower.width].above(lower[low:])
-        return Bits(high - low, None, _term("BV_EXTRACT", self._made, indices=(high - 1, low)))
+            return upper[: high - lower.width].concat(lower[low:])
+        return Bits(high - low, None, _term("BV_EXTRACT", self._solver_term, indices=(high - 1, low)))
 
     def bit(self, number: int) -> Truth:
         """Return whether a bit is 1."""
@@ -207,38 +211,38 @@ class Bits:
     def with_bit(self, number: int, value: int) -> Bits:
         """Return the same with one bit set to a value."""
         bit = Bits(1, value)
-        lower = bit if number == 0 else bit.above(self[:number])
-        return lower if number + 1 == self.width else self[number + 1 :].above(lower)
+        lower = bit if number == 0 else bit.concat(self[:number])
+        return lower if number + 1 == self.width else self[number + 1 :].concat(lower)
 
-    def above(self, low: Bits) -> Bits:
+    def concat(self, low: Bits) -> Bits:
         """Return these bits followed by lower ones."""
         width = self.width + low.width
         if self.value is not None and low.value is not None:
             return Bits(width, self.value << low.width | low.value)
         return Bits(width, None, _term("BV_CONCAT", self.term, low.term), (self, low))
 
-    def wide(self, width: int) -> Bits:
+    def zero_extend(self, width: int) -> Bits:
         """Return the number with zeros above it."""
-        return self if width == self.width else Bits(width - self.width, 0).above(self)
+        return self if width == self.width else Bits(width - self.width, 0).concat(self)
 
-    def signed(self, width: int) -> Bits:
+    def sign_extend(self, width: int) -> Bits:
         """Return the number in two's complement with more bits."""
         if self.value is not None:
             return Bits(width, self.value - (self.value >> self.width - 1 << self.width))
-        return Bits(width, None, _term("BV_SIGN_EXTEND", self._made, indices=(width - self.width,)))
+        return Bits(width, None, _term("BV_SIGN_EXTEND", self._solver_term, indices=(width - self.width,)))
 
     def equals(self, other: Bits | int) -> Truth:
         """Return whether both are the same number."""
-        number = self._known_with(other)
+        number = self._operand_value(other)
         if self.value is not None and number is not None:
             return Truth(self.value == number & ((1 << self.width) - 1))
-        if isinstance(other, Bits) and other._made is self._made:
+        if isinstance(other, Bits) and other._solver_term is self._solver_term:
             return TRUE
         return Truth(None, _term("EQUAL", self.term, self._as_bits(other).term))
 
     def less(self, other: Bits | int) -> Truth:
         """Return whether it is smaller, without signs."""
-        number = self._known_with(other)
+        number = self._operand_value(other)
         if self.value is not None and number is not None:
             return Truth(self.value < number)
         return Truth(None, _term("BV_ULT", self.term, self._as_bits(other).term))
@@ -260,7 +264,7 @@ def choose(condition: Truth, yes: Bits, no: Bits) -> Bits:
         return yes if condition.known else no
     if yes is no or (yes.value is not None and yes.value == no.value):
         return yes
-    if yes.value is None and yes._made is no._made:
+    if yes.value is None and yes._solver_term is no._solver_term:
         return yes
     return Bits(yes.width, None, _term("ITE", condition.term, yes.term, no.term))
 
@@ -291,13 +295,13 @@ class Terms:
 
     def add(self, a: Bits, b: Bits) -> Bits:
         # Of two unknown bytes the sum and its carry are one term, which the solver has to translate once.
-        return a + b if b.value is not None else (a.wide(9) + b.wide(9))[0:8]
+        return a + b if b.value is not None else (a.zero_extend(9) + b.zero_extend(9))[0:8]
 
     def subtract(self, a: Bits, b: Bits) -> Bits:
         return a - b
 
     def carry(self, a: Bits, b: Bits, bits: int) -> Truth:
-        return (a[0:bits].wide(bits + 1) + b[0:bits].wide(bits + 1)).bit(bits)
+        return (a[0:bits].zero_extend(bits + 1) + b[0:bits].zero_extend(bits + 1)).bit(bits)
 
     def no_borrow(self, a: Bits, b: Bits, bits: int) -> Truth:
         return ~a[0:bits].less(b[0:bits])
@@ -318,13 +322,13 @@ class Terms:
         return a.bit(number)
 
     def rotate_left(self, a: Bits, carry: Truth) -> Bits:
-        return a[0:7].above(as_bit(carry))
+        return a[0:7].concat(as_bit(carry))
 
     def rotate_right(self, a: Bits, carry: Truth) -> Bits:
-        return as_bit(carry).above(a[1:8])
+        return as_bit(carry).concat(a[1:8])
 
     def swap(self, a: Bits) -> Bits:
-        return a[0:4].above(a[4:8])
+        return a[0:4].concat(a[4:8])
 
     def is_zero(self, a: Bits) -> Truth:
         return a.equals(0)
@@ -347,7 +351,7 @@ class Solver:
         options.set(library.Option.PRODUCE_MODELS, True)
         options.set(library.Option.TIME_LIMIT_PER, TIME_LIMIT_MS)
         self._solver = library.Bitwuzla(_manager(), options)
-        self._yes, self._no = library.Result.SAT, library.Result.UNSAT
+        self._sat, self._unsat = library.Result.SAT, library.Result.UNSAT
 
     def possible(self, statement: Truth) -> bool:
         """Return whether a statement can be true. Raises GivenUp."""
@@ -355,9 +359,9 @@ class Solver:
             return statement.known
         self.questions += 1
         result = self._solver.check_sat(statement.term)
-        if result == self._yes:
+        if result == self._sat:
             return True
-        if result == self._no:
+        if result == self._unsat:
             return False
         raise GivenUp
 

@@ -35,7 +35,8 @@ class StreamChip:
     """Which servos wait for their group to start."""
     group: list[Truth]
     """Which servos are in the group that moves."""
-    left: Bits
+    frames_left: Bits
+    """Of the group that moves."""
     starting: Truth
     """Whether the group starts with the next frame."""
     gathering: Truth
@@ -68,7 +69,9 @@ class StreamChip:
     def valid(self) -> Truth:
         """Return what holds of the variables between any two steps."""
         servos = range(self.servos)
-        conditions = [self._within(n, value) for n in servos for value in (self.widths[n], self.goals[n])]
+        conditions = [
+            self._is_in_range(n, value) for n in servos for value in (self.widths[n], self.goals[n])
+        ]
         if self.streamed.stream.fail_safe == OFF:
             off = [(self.widths[n].equals(0), self.goals[n].equals(0)) for n in servos]
             conditions = [
@@ -78,12 +81,12 @@ class StreamChip:
                 )
             ]
         # A group moves only with frames left: the way of its servos is divided by their number.
-        conditions += [~self.left.equals(0) | ~member for member in self.group]
+        conditions += [~self.frames_left.equals(0) | ~member for member in self.group]
         if self.streamed.stream.fail_safe != HOLD:
-            conditions.append(self.silence.less(self._most_silence + 1))
+            conditions.append(self.silence.less(self._max_silence + 1))
         return all_of(conditions)
 
-    def _within(self, n: int, value: Bits) -> Truth:
+    def _is_in_range(self, n: int, value: Bits) -> Truth:
         """Return whether a width without its trim is in the servo's range."""
         if self.streamed.coarse:
             return ~value.equals(0)
@@ -91,25 +94,25 @@ class StreamChip:
         return ~plain.less(int(travel.minimum)) & plain.less(int(travel.maximum) + 1)
 
     @property
-    def _most_silence(self) -> int:
+    def _max_silence(self) -> int:
         return self.streamed.silence_frames + (self.streamed.stream.fail_safe == NEUTRAL)
 
     def trim(self, n: int) -> Bits:
         """Return the trim of a servo in cycles."""
         if self.streamed.coarse:
             return Bits(16, 0)
-        return choose(self.trims[n].equals(NO_TRIM), Bits(16, 0), self.trims[n].signed(16))
+        return choose(self.trims[n].equals(NO_TRIM), Bits(16, 0), self.trims[n].sign_extend(16))
 
     def begin_frame(self) -> None:
         """Count the frames of groups and of silence."""
-        fewer = choose(self.left.equals(0), self.left, self.left - 1)
-        over = ~self.starting & ~self.left.equals(0) & fewer.equals(0)
-        self.left = choose(self.starting, self.left, fewer)
+        fewer = choose(self.frames_left.equals(0), self.frames_left, self.frames_left - 1)
+        over = ~self.starting & ~self.frames_left.equals(0) & fewer.equals(0)
+        self.frames_left = choose(self.starting, self.frames_left, fewer)
         self.group = [choose_truth(over, FALSE, member) for member in self.group]
         self.starting = FALSE
         if self.streamed.stream.fail_safe == HOLD:
             return
-        counts = self.silence.less(self._most_silence)
+        counts = self.silence.less(self._max_silence)
         self.silence = choose(counts, self.silence + 1, self.silence)
         if self.streamed.stream.fail_safe == NEUTRAL:
             now = counts & self.silence.equals(self.streamed.silence_frames)
@@ -117,7 +120,7 @@ class StreamChip:
             self.waiting = [choose_truth(now, FALSE, waits) for waits in self.waiting]
             self.starting = choose_truth(now, TRUE, self.starting)
             self.gathering = choose_truth(now, FALSE, self.gathering)
-            self.left = choose(now, byte(self.streamed.soft_frames), self.left)
+            self.frames_left = choose(now, byte(self.streamed.soft_frames), self.frames_left)
 
     def prepare(self, n: int) -> None:
         """Move a servo's width towards its goal, to that of its next pulse."""
@@ -125,16 +128,16 @@ class StreamChip:
         silent = self.silence.equals(self.streamed.silence_frames)
         if fail_safe == NEUTRAL:
             neutral = Bits(16, int(self.streamed.kept[n]))
-            self._go(n, neutral, silent & self.group[n])
+            self._set_goal(n, neutral, silent & self.group[n])
         elif fail_safe == OFF:
             self.goals[n] = choose(silent, Bits(16, 0), self.goals[n])
             self.widths[n] = choose(silent, Bits(16, 0), self.widths[n])
         goal, width = self.goals[n], self.widths[n]
         down = goal.less(width)
         distance = choose(down, width - goal, goal - width)
-        speed = self.speeds[n].wide(16)
+        speed = self.speeds[n].zero_extend(16)
         limited = choose(~speed.equals(0) & speed.less(distance), speed, distance)
-        step = choose(self.group[n], distance // self.left.wide(16), limited)
+        step = choose(self.group[n], distance // self.frames_left.zero_extend(16), limited)
         step = choose(self.waiting[n] | (self.group[n] & self.starting), Bits(16, 0), step)
         self.widths[n] = choose(down, width - step, width + step)
 
@@ -145,9 +148,9 @@ class StreamChip:
     def _width(self, n: int, position: Bits) -> Bits:
         """Return the width without trim that a position commands."""
         travel = self.streamed.travels[n]
-        return (position.wide(32) * travel.scale + 128 >> 8)[0:16] + int(travel.minimum)
+        return (position.zero_extend(32) * travel.scale + 128 >> 8)[0:16] + int(travel.minimum)
 
-    def _go(self, n: int, target: Bits, where: Truth = TRUE) -> None:
+    def _set_goal(self, n: int, target: Bits, where: Truth = TRUE) -> None:
         """Make a width without trim a servo's goal; a servo without pulses is there at once."""
         goal = target + self.trim(n)
         width = choose(self.widths[n].equals(0), goal, self.widths[n])
@@ -156,15 +159,17 @@ class StreamChip:
 
     def execute(self, second: int, value: Bits) -> None:
         """Execute the command with these bytes after SYNC; another one changes nothing."""
-        kind = next((kind for kind in CommandKind if 0 <= second - kind.value < self._numbers(kind)), None)
+        kind = next(
+            (kind for kind in CommandKind if 0 <= second - kind.value < self._servo_numbers(kind)), None
+        )
         if kind is None:
             return
         n = second - kind.value
         if kind is CommandKind.POSITION:
             if self.streamed.coarse:
-                self._go(n, value.wide(16) + 1)
+                self._set_goal(n, value.zero_extend(16) + 1)
             else:
-                self._go(n, self._width(n, value))
+                self._set_goal(n, self._width(n, value))
                 self.group[n] = FALSE
                 self.waiting[n] = self.gathering
         elif kind is CommandKind.SPEED:
@@ -183,7 +188,7 @@ class StreamChip:
             begun = [TRUE] * self.servos if self.streamed.coarse else self.waiting
             self.group = [choose_truth(begins, *pair) for pair in zip(self.group, begun, strict=True)]
             self.waiting = [choose_truth(begins, waits, FALSE) for waits in begun]
-            self.left = choose(begins, self.left, value)
+            self.frames_left = choose(begins, self.frames_left, value)
         elif kind is CommandKind.QUERY:
             asked = self.widths[0]
             for number in range(1, self.servos):
@@ -191,7 +196,7 @@ class StreamChip:
             self.answer = choose(value.bit(3), asked[0:8], asked[8:16])
         self.silence = byte(0)
 
-    def _numbers(self, kind: CommandKind) -> int:
+    def _servo_numbers(self, kind: CommandKind) -> int:
         """Return how many servos a kind of command has numbers for."""
         if kind is CommandKind.QUERY:
             return int(self.streamed.stream.transmit_pin is not None)
@@ -238,30 +243,28 @@ class ReceiverState:
         left = self.left - passed
         self.left = choose(due, left + self.streamed.bit_units, left)
         self.last = now
-        taken = ReceiverState(
-            self.streamed, self.bits, self.left, now, self.byte, self.command, self.todo, self.value
-        )
+        after = copy(self)  # where the bit is due
         if bits >> SENDING & 1 and self.streamed.stream.transmit_pin is not None:
-            taken._send(bits)
+            after._send_bit(bits)
         else:
-            taken._take((bits - 1) & 0xFF, line)
+            after._receive_bit((bits - 1) & 0xFF, line)
         for name in ("bits", "left", "byte", "command", "todo", "value"):
-            setattr(self, name, choose(due, getattr(taken, name), getattr(self, name)))
-        if taken.level is not None:
-            self.level = taken.level
+            setattr(self, name, choose(due, getattr(after, name), getattr(self, name)))
+        if after.level is not None:
+            self.level = after.level
 
-    def _take(self, bits: int, line: Truth) -> None:
-        """Take a bit of the line; `bits` are still to come after it."""
+    def _receive_bit(self, bits: int, line: Truth) -> None:
+        """Receive a bit of the line; `bits` are still to come after it."""
         self.bits = byte(bits)
         if bits == 0:
-            self._end(line)
+            self._end_byte(line)
         # Of the counts 9 to 1 only 9 has bits 3 and 0 set: these are the bits that the words test.
         elif bits & 9 == 9:  # the start bit: a high line was noise
             self.bits = choose(line, byte(0), byte(bits))
         else:
-            self.byte = choose(line, Bits(1, 1), Bits(1, 0)).above(self.byte[1:8])
+            self.byte = choose(line, Bits(1, 1), Bits(1, 0)).concat(self.byte[1:8])
 
-    def _end(self, line: Truth) -> None:
+    def _end_byte(self, line: Truth) -> None:
         """End a byte with its stop bit."""
         sync, second = self.byte.equals(SYNC), self.command.equals(SYNC)
         third = ~sync & ~second & ~self.command.equals(NOTHING) & line
@@ -271,7 +274,7 @@ class ReceiverState:
         self.command = choose(line, next_command, byte(NOTHING))
         self.bits = choose(line, byte(0), byte(1 << BROKEN))
 
-    def _send(self, bits: int) -> None:
+    def _send_bit(self, bits: int) -> None:
         """Send a bit of an answer, the lowest of its byte first; then stop bits."""
         bits -= 1
         self.bits = byte(bits)
@@ -280,11 +283,11 @@ class ReceiverState:
             self.level = FALSE
             return
         self.level = self.byte.bit(0)
-        self.byte = Bits(1, 1).above(self.byte[1:8])
+        self.byte = Bits(1, 1).concat(self.byte[1:8])
         if bits & 0x3F == 0:
             self.bits = byte(0)
 
-    def start(self, now: Bits, line: Truth) -> None:
+    def hunt(self, now: Bits, line: Truth) -> None:
         """Look for a start bit while no byte is being received."""
         self.bits = choose(line, self.bits, byte(BITS))
         self.left = choose(line, self.left, byte(self.streamed.first_units))

@@ -259,7 +259,7 @@ def _approach(sender: Sender, chip: StreamChip) -> None:
         sender.send(group_begins())
         for n in in_group:
             sender.send(position_command(n, goals[n]))
-        sender.send(group_goes(min(max(chip.left.value or 0, 1), MAX_VALUE)))
+        sender.send(group_goes(min(max(chip.frames_left.value or 0, 1), MAX_VALUE)))
     if waiting or chip.gathering.known:
         sender.send(group_begins())
         for n in waiting:
@@ -431,7 +431,7 @@ class _Possible:
 
     def _key(self) -> tuple[object, ...]:
         chip = self.chip
-        numbers = (*chip.widths, *chip.goals, *chip.speeds, *chip.trims, chip.left, chip.silence)
+        numbers = (*chip.widths, *chip.goals, *chip.speeds, *chip.trims, chip.frames_left, chip.silence)
         truths = (*chip.waiting, *chip.group, chip.starting, chip.gathering)
         values = (*(number.value for number in numbers), *(truth.known for truth in truths))
         return (self.executed, self.width, *values)

@@ -11,6 +11,7 @@ import heapq
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import count
+from typing import NamedTuple
 
 from servogen.pic.device import BOTH_BANKS, EEPROM_BYTES, RAM_FIRST, RAM_LAST, addresses, registers
 from servogen.pic.isa import encode
@@ -62,7 +63,13 @@ UNLOCK = tuple(
     )
 )
 """The words before the one that starts a write to the EEPROM (DS35007 section 3.2)."""
-WRITING = -1
+
+
+class Access(NamedTuple):
+    """A word reads or writes a place."""
+
+    place: int
+    is_write: bool = False
 
 
 class NotFollowed(Exception):
@@ -84,14 +91,20 @@ class SymbolicState:
     bytes: dict[int, Bits]
     """By place: an address, `BANK_1` and an address, or `EEPROM` and one; others are as at the beginning."""
     path: Truth = TRUE
-    looks: tuple[int, ...] = ()
-    """The volatile registers that were read since the beginning, and the watched variables that were read or
-    written, one after the other; of a write the complement of its address.
+    accesses: tuple[Access, ...] = ()
+    """The reads of volatile registers since the beginning, and the reads and writes of watched variables, one
+    after the other.
     """
     unlocked: int = 0
-    """How many words of UNLOCK came last, or WRITING once a write to the EEPROM has begun."""
+    """How many words of UNLOCK came last."""
+    writes_eeprom: bool = False
+    """Whether a write to the EEPROM has begun."""
     visits: int = 0
     """The maximum number of times that the counted address was executed."""
+
+    def reads_of(self, place: int) -> int:
+        """Return how often a volatile register or a watched variable was read."""
+        return self.accesses.count(Access(place))
 
 
 @dataclass(slots=True)
@@ -100,27 +113,27 @@ class Execution:
 
     words: Mapping[int, int]
     solver: Solver
-    given: Truth = TRUE
+    precondition: Truth = TRUE
     """What holds of the first state."""
     reads: set[int] = field(default_factory=set)
     writes: set[int] = field(default_factory=set)
     watched: frozenset[int] = frozenset()
-    """Variables shared with an interrupt; each of their reads and writes is noted among the looks."""
+    """Variables shared with an interrupt; each of their reads and writes is noted among the accesses."""
     counted: int | None = None
     """The address whose executions are counted."""
     visits: int = 0
     """The maximum number of times that it was executed."""
-    busy: list[Truth] = field(default_factory=list)
+    eeprom_busy: list[Truth] = field(default_factory=list)
     """Whether the EEPROM is being written, at each read of EECON1."""
-    switches: set[int] = field(default_factory=set)
+    intcon_writes: set[int] = field(default_factory=set)
     """The addresses of the words that write INTCON."""
-    first: dict[int, Bits] = field(default_factory=dict)
+    initial_bytes: dict[int, Bits] = field(default_factory=dict)
     """The bytes of the first state, those that are asked for."""
     _number: Iterator[int] = field(default_factory=count)
 
     def state(self, pc: int, known: Mapping[int, Bits], stack: tuple[int, ...] = ()) -> SymbolicState:
         """Return a state in which only the bytes of `known` are known, in bank 0."""
-        self.first.update(known)
+        self.initial_bytes.update(known)
         carry, digit_carry, zero = (unknown(name, 1).bit(0) for name in ("C", "DC", "Z"))
         return SymbolicState(pc, stack, 0, unknown("W"), carry, digit_carry, zero, dict(known))
 
@@ -131,9 +144,9 @@ class Execution:
 
     def initial(self, place: int) -> Bits:
         """Return the byte that was at a place in the first state."""
-        if place not in self.first:
-            self.first[place] = unknown(f"0x{place:02X}")
-        return self.first[place]
+        if place not in self.initial_bytes:
+            self.initial_bytes[place] = unknown(f"0x{place:02X}")
+        return self.initial_bytes[place]
 
     def run(
         self, start: SymbolicState, stops: Collection[int], *, anywhere: bool = False
@@ -178,7 +191,16 @@ class Execution:
         page = self.byte(state, PCLATH).value
         # Only states that agree in what steers the execution are merged: a pointer that became a term would
         # have to be split into its values again at every access.
-        return state.pc, state.stack, state.bank, pointer, page, state.looks, state.unlocked
+        return (
+            state.pc,
+            state.stack,
+            state.bank,
+            pointer,
+            page,
+            state.accesses,
+            state.unlocked,
+            state.writes_eeprom,
+        )
 
     def _merge(self, first: SymbolicState, second: SymbolicState) -> SymbolicState:
         where = first.path
@@ -194,15 +216,16 @@ class Execution:
             choose_truth(where, first.zero, second.zero),
             merged,
             first.path | second.path,
-            first.looks,
+            first.accesses,
             first.unlocked,
+            first.writes_eeprom,
             max(first.visits, second.visits),
         )
 
     def _possible(self, state: SymbolicState, condition: Truth) -> bool:
-        return self.solver.possible(self.given & state.path & condition)
+        return self.solver.possible(self.precondition & state.path & condition)
 
-    def _branches(self, state: SymbolicState, condition: Truth) -> Iterable[tuple[SymbolicState, bool]]:
+    def _split(self, state: SymbolicState, condition: Truth) -> Iterable[tuple[SymbolicState, bool]]:
         """Return the state where a condition holds, and where it does not, if they are possible."""
         if condition.known is not None:
             return [(state, condition.known)]
@@ -212,13 +235,13 @@ class Execution:
                 outcomes.append((replace(state, bytes=dict(state.bytes), path=state.path & truth), holds))
         return outcomes
 
-    def _values(self, state: SymbolicState, bits: Bits) -> Iterable[tuple[SymbolicState, int]]:
+    def _split_by_value(self, state: SymbolicState, bits: Bits) -> Iterable[tuple[SymbolicState, int]]:
         """Return the state with each of the values that bits can have."""
         if bits.value is not None:
             return [(state, bits.value)]
         outcomes: list[tuple[SymbolicState, int]] = []
         left = state.path
-        while self.solver.possible(self.given & left):
+        while self.solver.possible(self.precondition & left):
             value = self.solver.example(bits)
             this = bits.equals(value)
             outcomes.append((replace(state, bytes=dict(state.bytes), path=state.path & this), value))
@@ -227,13 +250,13 @@ class Execution:
 
     # registers
 
-    def _place(self, state: SymbolicState, f: int) -> Iterable[tuple[SymbolicState, int]]:
+    def _operand_places(self, state: SymbolicState, f: int) -> Iterable[tuple[SymbolicState, int]]:
         """Return the place that an operand addresses, for each value of the pointer."""
         if f != INDF:
             return [(state, self._banked(f, state.bank))]
         return [
             (branch, self._banked(pointer & 0x7F, pointer >> 7))
-            for branch, pointer in self._values(state, self.byte(state, FSR))
+            for branch, pointer in self._split_by_value(state, self.byte(state, FSR))
         ]
 
     def _banked(self, f: int, bank: int) -> int:
@@ -246,43 +269,43 @@ class Execution:
         if place == STATUS:
             return self.status(state)
         if place in VOLATILE:
-            state.looks = (*state.looks, place)
+            state.accesses = (*state.accesses, Access(place))
             # The first read has a name, so that a lemma can speak of the level that was read; later ones may
             # give anything.
-            return self.initial(place) if state.looks.count(place) == 1 else unknown("later")
+            return self.initial(place) if state.reads_of(place) == 1 else unknown("later")
         if place in self.watched:
-            state.looks = (*state.looks, place)
+            state.accesses = (*state.accesses, Access(place))
         if place == EECON1:
             stored = self.byte(state, place)
-            self.busy.append(unknown("WR", 1).bit(0))
+            self.eeprom_busy.append(unknown("WR", 1).bit(0))
             # The end of a write sets EEIF at any time.
-            above = stored[EEIF + 1 : 8].above(unknown("EEIF", 1)).above(stored[WREN:EEIF])
-            return above.above(as_bit(self.busy[-1])).above(Bits(1, 0))
+            above = stored[EEIF + 1 : 8].concat(unknown("EEIF", 1)).concat(stored[WREN:EEIF])
+            return above.concat(as_bit(self.eeprom_busy[-1])).concat(Bits(1, 0))
         if place == INTCON:
-            return self.byte(state, place)[3:8].above(unknown("flags", 3))
-        if place in (INDF, INDF | BANK_1, EECON2, PCL) or not self._exists(place):
+            return self.byte(state, place)[3:8].concat(unknown("flags", 3))
+        if place in (INDF, INDF | BANK_1, EECON2, PCL) or not self._is_implemented(place):
             if place == PCL:
                 raise NotFollowed(f"PCL is read at 0x{state.pc:03X}")
             return byte(0)
         return self.byte(state, place)
 
-    def _exists(self, place: int) -> bool:
+    def _is_implemented(self, place: int) -> bool:
         return place in KEPT or RAM_FIRST <= place <= RAM_LAST
 
     def status(self, state: SymbolicState) -> Bits:
         """Return the byte STATUS."""
-        low = as_bit(state.digit_carry).above(as_bit(state.carry))
-        low = as_bit(state.zero).above(low)
+        low = as_bit(state.digit_carry).concat(as_bit(state.carry))
+        low = as_bit(state.zero).concat(low)
         rest = self.byte(state, STATUS)
-        return rest[6:8].above(Bits(1, state.bank)).above(rest[3:5]).above(low)
+        return rest[6:8].concat(Bits(1, state.bank)).concat(rest[3:5]).concat(low)
 
     def _write(self, state: SymbolicState, place: int, value: Bits) -> None:
         self.writes.add(place)
         if place in self.watched:
-            state.looks = (*state.looks, ~place)
+            state.accesses = (*state.accesses, Access(place, is_write=True))
         if place == INTCON:
-            self.switches.add(state.pc)
-        if place in (EEDATA, EEADR) and state.unlocked == WRITING:
+            self.intcon_writes.add(state.pc)
+        if place in (EEDATA, EEADR) and state.writes_eeprom:
             raise NotFollowed(f"the EEPROM is used at 0x{state.pc:03X} while it is being written")
         if place == STATUS:
             if value[5:6].value is None:
@@ -290,7 +313,7 @@ class Execution:
             state.bank = value[5:6].value or 0
             state.carry, state.digit_carry, state.zero = (value.bit(n) for n in range(3))
             old = self.byte(state, STATUS)
-            state.bytes[STATUS] = value[5:8].above(old[3:5]).above(value[0:3])
+            state.bytes[STATUS] = value[5:8].concat(old[3:5]).concat(value[0:3])
         elif place == EECON1:
             self._write_eecon1(state, value)
         elif place in (INDF, INDF | BANK_1, EECON2):
@@ -303,17 +326,17 @@ class Execution:
         state.bytes[EECON1] = value
         if read is None:
             raise NotFollowed(f"EECON1 is written with an unknown value at 0x{state.pc:03X}")
-        if (read or write) and state.unlocked == WRITING:
+        if (read or write) and state.writes_eeprom:
             raise NotFollowed(f"the EEPROM is used at 0x{state.pc:03X} while it is being written")
         if read:
-            state.bytes[EEDATA] = self.byte(state, EEPROM + self._address(state))
+            state.bytes[EEDATA] = self.byte(state, EEPROM + self._eeprom_address(state))
         if state.unlocked == len(UNLOCK) and value.bit(WREN).known and write:
             if self.byte(state, INTCON).bit(GIE).known is not False:
                 raise NotFollowed(f"the EEPROM is written while interrupts are enabled, at 0x{state.pc:03X}")
-            state.bytes[EEPROM + self._address(state)] = self.byte(state, EEDATA)
-            state.unlocked = WRITING
+            state.bytes[EEPROM + self._eeprom_address(state)] = self.byte(state, EEDATA)
+            state.writes_eeprom = True
 
-    def _address(self, state: SymbolicState) -> int:
+    def _eeprom_address(self, state: SymbolicState) -> int:
         address = self.byte(state, EEADR).value
         if address is None or address >= EEPROM_BYTES:
             raise NotFollowed(f"the EEPROM's address is not known at 0x{state.pc:03X}")
@@ -330,30 +353,29 @@ class Execution:
         if state.pc == self.counted:
             state = replace(state, visits=state.visits + 1)
             self.visits = max(self.visits, state.visits)
-        unlocked = self._unlocked(state)
-        for following in self._after(state, word):
-            if following.unlocked != WRITING:
-                following.unlocked = unlocked
+        unlocked = self._unlock_progress(state)
+        for following in self._execute(state, word):
+            following.unlocked = 0 if following.writes_eeprom else unlocked
             yield following
 
-    def _unlocked(self, state: SymbolicState) -> int:
+    def _unlock_progress(self, state: SymbolicState) -> int:
         """Return how many words of UNLOCK have come after the next instruction: one after the other, in bank
         1.
         """
         executed = self.words[state.pc]
-        if 0 <= state.unlocked < len(UNLOCK) and executed == UNLOCK[state.unlocked] and state.bank:
+        if state.unlocked < len(UNLOCK) and executed == UNLOCK[state.unlocked] and state.bank:
             return state.unlocked + 1
         return int(executed == UNLOCK[0] and state.bank == 1)
 
-    def _after(self, state: SymbolicState, word: DecodedWord) -> Iterator[SymbolicState]:
+    def _execute(self, state: SymbolicState, word: DecodedWord) -> Iterator[SymbolicState]:
         """Yield the states after an instruction, which may be as it was before in `unlocked`."""
         if word.flow in ("jump", "call", "return"):
-            yield self._jump(state, word)
+            yield self._branch_to(state, word)
         elif word.name in NOT_FOLLOWED:
             raise NotFollowed(f"{word.name} at 0x{state.pc:03X} is not followed")
         elif word.has_f:
-            for branch, place in self._place(self._copy(state), word.f):
-                yield from self._with_file(branch, word, place)
+            for branch, place in self._operand_places(self._copy(state), word.f):
+                yield from self._execute_on_file(branch, word, place)
         else:
             after = self._copy(state)
             if word.writes_w:  # NOP and CLRWDT do not
@@ -364,7 +386,7 @@ class Execution:
     def _copy(self, state: SymbolicState) -> SymbolicState:
         return replace(state, bytes=dict(state.bytes))
 
-    def _jump(self, state: SymbolicState, word: DecodedWord) -> SymbolicState:
+    def _branch_to(self, state: SymbolicState, word: DecodedWord) -> SymbolicState:
         if word.flow == "jump":
             return replace(state, pc=word.k)
         if word.flow == "call":
@@ -374,11 +396,13 @@ class Execution:
         w = byte(word.k) if word.name == "RETLW" else state.w
         return replace(state, pc=state.stack[-1], stack=state.stack[:-1], w=w)
 
-    def _with_file(self, state: SymbolicState, word: DecodedWord, place: int) -> Iterator[SymbolicState]:
+    def _execute_on_file(
+        self, state: SymbolicState, word: DecodedWord, place: int
+    ) -> Iterator[SymbolicState]:
         if word.tests_bit:
             bit = self._bit_value(state, word, place)
             skips = bit if word.name == "BTFSS" else ~bit
-            for branch, holds in self._branches(state, skips):
+            for branch, holds in self._split(state, skips):
                 branch.pc += 1 + holds
                 yield branch
             return
@@ -394,14 +418,14 @@ class Execution:
             state.w = value
         elif word.writes_f:
             if place == PCL:
-                yield from self._jump_to(state, value)
+                yield from self._computed_branch(state, value)
                 return
             self._write(state, place, value)
         if word.flow != "skip":
             state.pc += 1
             yield state
             return
-        for branch, holds in self._branches(state, value.equals(0)):
+        for branch, holds in self._split(state, value.equals(0)):
             branch.pc += 1 + holds
             yield branch
 
@@ -409,7 +433,7 @@ class Execution:
         if place == PCL:  # ADDWF PCL,F: the address of the next instruction
             return byte(state.pc + 1)
         if place == EECON1 and word.changes_bit:
-            return self.byte(state, place)[2:8].above(Bits(2, 0))
+            return self.byte(state, place)[2:8].concat(Bits(2, 0))
         if place == INTCON and word.changes_bit:
             return self.byte(state, place)
         if place in (PORTA, PORTB) and word.changes_bit:
@@ -436,12 +460,12 @@ class Execution:
         elif word.name == "BSF":
             raise NotFollowed(f"IRP or RP1 is set at 0x{state.pc:03X}")
 
-    def _jump_to(self, state: SymbolicState, result: Bits) -> Iterator[SymbolicState]:
+    def _computed_branch(self, state: SymbolicState, result: Bits) -> Iterator[SymbolicState]:
         """Yield the states after a computed jump."""
         page = self.byte(state, PCLATH).value
         if page is None:
             raise NotFollowed(f"PCLATH is not known at 0x{state.pc:03X}")
-        for branch, low in self._values(state, result):
+        for branch, low in self._split_by_value(state, result):
             branch.pc = ((page & 3) << 8) | low
             yield branch
 

@@ -16,6 +16,7 @@ from servogen.pic.device import INTERRUPT_VECTOR, registers
 from servogen.pic.isa import encode
 from servogen.pic.listing import Listing
 from servogen.pic.wcet import TimedProgram
+from servogen.prove.stream.execution import EEPROM
 
 SCRATCH = ("n", "x_lo", "x_hi", "sum_lo", "sum_hi")
 """Variables of the C whose values no step leaves to the next."""
@@ -48,9 +49,23 @@ class Names:
             raise LookupError(f"no variable is called {name}")
         return self.variables[name][0] + offset
 
-    def has(self, name: str) -> bool:
-        """Return whether the C has a variable of this name."""
-        return name in self.variables
+    def addresses(self, *wanted: str) -> set[int]:
+        """Return the addresses of those of these variables that the C has."""
+        return {self.at(name) for name in wanted if name in self.variables}
+
+    @cached_property
+    def place_names(self) -> Mapping[int, str]:
+        """Return how messages call each place of `execution` that has a name."""
+        place_names = {EEPROM + n: f"byte {n} of the EEPROM" for n in range(self.servos)}
+        for name, register in registers().items():
+            place_names[register.address] = name
+        for name, (address, size) in self.variables.items():
+            for offset in range(size):
+                place_names[address + offset] = f"{name}[{offset}]" if size > 1 else name
+        return place_names
+
+    def place_name(self, place: int) -> str:
+        return self.place_names.get(place, f"place 0x{place:02X}")
 
     @property
     def servos(self) -> int:
@@ -81,22 +96,22 @@ class Names:
         return self.port(pin), int(pin[2])
 
     @cached_property
-    def head(self) -> int:
+    def loop_head(self) -> int:
         """Return where the main loop begins."""
         return main_loop(self.listing).head
 
     @cached_property
-    def cleared(self) -> int:
+    def after_clear(self) -> int:
         """Return the address after the instruction that clears the request of a pulse."""
         return main_loop(self.listing).clear + 1
 
     @cached_property
-    def enabled(self) -> int:
+    def after_enable(self) -> int:
         """Return the address after the instruction of main that enables interrupts."""
         return enable_address(self.listing) + 1
 
     @cached_property
-    def of_interrupt(self) -> tuple[int, ...]:
+    def interrupt_addresses(self) -> tuple[int, ...]:
         """Return the addresses of the words that an interrupt can execute."""
         return tuple(sorted(TimedProgram(self.words, ()).reached(INTERRUPT_VECTOR)))
 
@@ -109,8 +124,13 @@ class Names:
                 return address
         raise LookupError("the interrupt does not begin with clearing its flag")
 
+    def body_addresses(self) -> list[int]:
+        """Return the addresses of the interrupt without the compiler's words before and after it."""
+        program = TimedProgram(self.words, ())
+        return sorted(program.reached(self.body) - program.reached(self.listing.label("st_out")))
+
     @cached_property
     def edge(self) -> int:
         """Return the address of the instruction that makes an edge. Raises LookupError."""
-        interrupt = {address: self.words[address] for address in self.of_interrupt}
+        interrupt = {address: self.words[address] for address in self.interrupt_addresses}
         return find_edge(interrupt, self.listing.label("st_exactly"))

@@ -28,11 +28,12 @@ from servogen.prove.stream.bits import GivenUp, Solver
 from servogen.prove.stream.chip import LEAST_TRIM, MOST_TRIM
 from servogen.prove.stream.counterexample import NOBODY, CounterexampleSearch, Suspect
 from servogen.prove.stream.execution import NotFollowed
-from servogen.prove.stream.lemmas import Fails, Lemmas
+from servogen.prove.stream.lemmas import Lemmas
 from servogen.prove.stream.looks import InterruptChanged
 from servogen.prove.stream.names import Names
 from servogen.prove.stream.rounds import guarantee
 from servogen.prove.stream.samples import SampleTimes
+from servogen.prove.stream.sharing import Fails, MainAccesses, check_sharing, check_stack
 from servogen.units import Cycles
 
 MAX_UNLIKE = 24
@@ -236,12 +237,11 @@ class LineTheorem:
         lemmas.dispatch()
         lemmas.rise()
         lemmas.receive()
-        main = lemmas.start()
-        idle = lemmas.idle()
-        executing = lemmas.execute()
-        preparing = lemmas.prepare()
-        lemmas.check_sharing(main, preparing, executing, context, idle)
-        lemmas.stack()
+        accesses = MainAccesses(
+            start=lemmas.start(), idle=lemmas.idle(), execute=lemmas.execute(), prepare=lemmas.prepare()
+        )
+        check_sharing(lemmas.names, accesses, context)
+        check_stack(lemmas.names)
         return [
             f"every byte and every variable's value: {lemmas.runs} symbolic runs, "
             f"{lemmas.solver.questions} questions to the solver"
