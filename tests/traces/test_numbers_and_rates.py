@@ -1,4 +1,4 @@
-"""The parts of reading and writing by themselves: numbers, blocks of any size, timescales, rates, limits."""
+"""Numbers as they are read and written, blocks of any size, timescales, rates, limits."""
 
 from __future__ import annotations
 

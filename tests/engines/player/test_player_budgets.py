@@ -1,4 +1,4 @@
-"""The player's parts one by one: scales, rows, slots, buttons, codes, shares, budgets; numbers by hand."""
+"""The player's scales, rows, slots, buttons, codes, shares and budgets; numbers by hand."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parts of a drive in a time that only a test advances: every key, moment and position by hand."""
+"""A drive in a time that only a test advances: every key, moment and position by hand."""
 
 from __future__ import annotations
 

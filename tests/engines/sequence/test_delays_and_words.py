@@ -1,4 +1,4 @@
-"""A sequence's delays, edges and words one by one, by hand; the text that every engine's C begins with."""
+"""A sequence's delays, edges and words, counted by hand; the text that every engine's C begins with."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The parts of the worst-case times, each by itself: what an instruction reads, what lives, where calls lead,
+"""Worst-case times: what an instruction reads, what lives, where calls lead,
 bounds, pieces, and what has no bound. Cycles are counted by hand from DS35007 table 7-2.
 """
 

@@ -1,4 +1,4 @@
-"""Names, texts of breakpoints and sentences about pins, each by itself."""
+"""Names, texts of breakpoints and sentences about pins."""
 
 from __future__ import annotations
 
