@@ -20,6 +20,7 @@ from servogen.prove.chip import (
     FREE_BYTES,
     TIME_FIELDS,
     UNCERTAIN,
+    ChipState,
     Reason,
     Use,
 )
@@ -104,6 +105,11 @@ class Generaliser:
                 if cells[place] <= 0xFF:
                     cells[place] = (cells[place] - timer & 0xFF) | CELL_PHASED
         return tuple(cells), general
+
+    def covering(self, state: ChipState) -> ChipState:
+        """Return a state that covers this one."""
+        ram, rest = self.generalised(state.ram, self._transitions.number(state.rest))
+        return ChipState(ram, self._transitions.rest(rest))
 
     def _general_rest(self, number: int, guess: Guess) -> tuple[int, int, int]:
         """Return the state beside the RAM; TMR0 if it becomes phased, else -1; TMR0 less φ if it was phased.

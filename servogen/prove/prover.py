@@ -230,13 +230,13 @@ class _Prover:
             trimmed = TrimProof(
                 self._program,
                 self._schedule,
-                self._transitions,
                 generaliser,
-                self._always,
-                rises,
-                self._quantifiers.phases,
                 chip,
                 idle,
+                always=self._always,
+                rises=rises,
+                phases=self._quantifiers.phases,
+                limit=self._transitions.limit,
             ).prove(starts_of(self._chip, self._quantifiers, written))
             self._chip.released |= chip.released
             # With other contents the program may write more places, which then are unknown after a reset.

@@ -7,7 +7,7 @@ a `Position` in the schedule. Out: the position after them, and which byte is th
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -15,14 +15,25 @@ import numpy as np
 
 from servogen.edges import PINS
 from servogen.engines.stream.protocol import trim_cycles
-from servogen.prove.tables import VALUES, Ints, broadcast_along
+from servogen.prove.tables import VALUES, Ints, along
 from servogen.pulse import PulseSchedule
 
 TRIMS = np.array([trim_cycles(byte) for byte in range(VALUES)], dtype=np.int64)
 NO_BYTE = -1
 """Of a channel whose pulses no trim changes."""
-Edges = Mapping[tuple[int, int], Ints]
-"""By pin and level, the cycles since a position; -1 where there is no such edge."""
+
+
+class PinEdges(NamedTuple):
+    """When a pin rises and falls, in cycles since a position, for each content of the EEPROM: -1 where it
+    does not; None where it never does.
+    """
+
+    rise: Ints | None
+    fall: Ints | None
+
+
+Edges = Mapping[int, PinEdges]
+"""Of each pin that has any."""
 
 
 @dataclass
@@ -88,80 +99,72 @@ class TrimPulses:
 
     def first_frame(self, position: Position, edges: Edges) -> Position:
         """Return the position in the first frame with pulses, if these edges begin the first pulse."""
-        rises = [column[column >= 0] for (_, level), column in edges.items() if level]
-        first = [int(column.min()) for column in rises if column.size]
-        if position.frame >= 0 or not first:
+        rises = [edge.rise for edge in edges.values() if edge.rise is not None]
+        if position.frame >= 0 or not rises:
             return position
         frame = next(n for n, pulses in enumerate(self._frames) if any(pulses))
         offset = min(pulse[0] for pulse in self._frames[frame] if pulse)
-        return Position(frame, offset - min(first))
+        return Position(frame, offset - min(int(rise[rise >= 0].min()) for rise in rises))
 
     def after_edges(
-        self, position: Position, edges: Edges, cells: tuple[int, ...], cycles: int, spread: int
+        self, position: Position, edges: Edges, addresses: tuple[int, ...], cycles: int, spread: int
     ) -> Position:
         """Return the position `cycles` cycles later, for the earliest chip; the latest is `spread` behind.
 
-        `cells`: the bytes of the EEPROM whose values the edges are of. Raises WrongEdge.
+        `addresses`: of the bytes of the EEPROM for whose contents the edges are. Every pulse has to rise and
+        fall within these cycles. Raises WrongEdge.
         """
         if position.frame < 0:
             return position
         matched = set()
         due = {(self._pins[pulse.channel], pulse.rise): pulse for pulse in self._coming_pulses(position)}
-        for pin in sorted({pin for (pin, _), column in edges.items() if (column >= 0).any()}):
-            rise, fall = edges.get((pin, 1)), edges.get((pin, 0))
-            if rise is not None and (rise < 0).all():
-                rise = None
+        for pin, (rise, fall) in sorted(edges.items()):
             first = -1 if rise is None else int(rise.flat[0])
             pulse = due.get((pin, position.time + first))
             if rise is None or fall is None or pulse is None or (rise != first).any():
                 index = 0 if rise is None else int(np.argmax(rise != first))
                 message = f"a pulse on {PINS[pin]} is not the schedule's"
-                raise WrongEdge(message, _eeprom_bytes(cells, index), position.frame)
-            self._compare(pulse, fall - first - pulse.width, cells, position.frame + pulse.ahead)
-            matched.add((pulse.ahead, pulse.channel))
-        return self.advance(position, cycles, spread, matched)
+                raise WrongEdge(message, _content_of(addresses, index), position.frame)
+            self._compare(pulse, fall - first - pulse.width, addresses, position.frame + pulse.ahead)
+            matched.add(pulse)
+        return self._advance(position, cycles, spread, matched)
 
-    def advance(
-        self,
-        position: Position,
-        cycles: int,
-        spread: int = 0,
-        matched: Collection[tuple[int, int]] = (),
-    ) -> Position:
-        """Return the position so much later. No pulse may be due meanwhile but `matched`: pairs of the frame,
-        0 or 1 for the next, and channel. Raises WrongEdge.
-        """
+    def advance(self, position: Position, cycles: int) -> Position:
+        """Return the position so many cycles later, in which no pulse may be due. Raises WrongEdge."""
+        return self._advance(position, cycles, 0, set())
+
+    def _advance(self, position: Position, cycles: int, spread: int, seen: Set[_ComingPulse]) -> Position:
         if position.frame < 0:
             return position
         frame, end = position.frame, position.time + cycles
         for pulse in self._coming_pulses(position):
-            if pulse.rise < end + spread and (pulse.ahead, pulse.channel) not in matched:
+            if pulse.rise < end + spread and pulse not in seen:
                 raise WrongEdge(f"the rise of {PINS[self._pins[pulse.channel]]} is missing", {}, frame)
-        done = position.done | {channel for ahead, channel in matched if not ahead}
-        following = frozenset(channel for ahead, channel in matched if ahead)
+        done = position.done | {pulse.channel for pulse in seen if not pulse.ahead}
+        following = frozenset(pulse.channel for pulse in seen if pulse.ahead)
         while end >= self._period:
             self.played.add(frame)
             frame, end = self._frame_after(frame), end - self._period
             done, following = following, frozenset()
         return Position(frame, end, done)
 
-    def _compare(self, pulse: _ComingPulse, excess: Ints, cells: tuple[int, ...], frame: int) -> None:
+    def _compare(self, pulse: _ComingPulse, excess: Ints, addresses: tuple[int, ...], frame: int) -> None:
         """Compare by how much pulses are longer than planned with the trims. Raises WrongEdge."""
         known = self.bytes.get(pulse.channel)
         differs = {NO_BYTE: excess != 0}
-        for axis, cell in enumerate(cells):
-            differs[cell] = excess != broadcast_along(TRIMS, axis, len(cells))
+        for axis, address in enumerate(addresses):
+            differs[address] = excess != along(TRIMS, axis, len(addresses))
         message = f"the fall of {PINS[self._pins[pulse.channel]]} is not where the EEPROM wants it"
         if known is not None and known not in differs:
-            # The length of this pulse does not depend on its byte.
+            # The length of this pulse does not depend on its byte, of which 1 is any trim but 0.
             raise WrongEdge(message, {known: 1}, frame)
         # The first pulse of a channel shows which byte is its trim: the one that explains most lengths. From
         # then on the channel keeps that byte.
         options = [known] if known is not None else [*differs]
-        fewest, cell = min((int(np.count_nonzero(differs[option])), option) for option in options)
+        fewest, byte = min((int(np.count_nonzero(differs[option])), option) for option in options)
         if fewest:
-            raise WrongEdge(message, _eeprom_bytes(cells, int(np.argmax(differs[cell]))), frame)
-        self.bytes[pulse.channel] = cell
+            raise WrongEdge(message, _content_of(addresses, int(np.argmax(differs[byte]))), frame)
+        self.bytes[pulse.channel] = byte
 
     def _coming_pulses(self, position: Position) -> Iterator[_ComingPulse]:
         """Yield the pulses of this frame that have not been, and those of the next."""
@@ -174,7 +177,7 @@ class TrimPulses:
         return frame + 1 if frame + 1 < len(self._frames) else self._loop
 
 
-def _eeprom_bytes(cells: tuple[int, ...], index: int) -> dict[int, int]:
-    """Return the bytes of the EEPROM that a pair, or a value, stands for."""
-    values = np.unravel_index(index, (VALUES,) * len(cells)) if cells else ()
-    return {cell: int(value) for cell, value in zip(cells, values, strict=True)}
+def _content_of(addresses: tuple[int, ...], index: int) -> dict[int, int]:
+    """Return the content of each byte of the EEPROM that is at a flat index of a table."""
+    values = np.unravel_index(index, (VALUES,) * len(addresses)) if addresses else ()
+    return {address: int(value) for address, value in zip(addresses, values, strict=True)}

@@ -264,6 +264,31 @@ def test_a_byte_that_is_read_through_fsr_is_any(before: str) -> None:
     assert not prove_for_all(image, schedule, ANY).proven
 
 
+@pytest.mark.parametrize("byte", [0, 0x33, 0xFE])
+def test_a_pulse_that_is_one_cycle_late_with_one_content_is_found(byte: int) -> None:
+    """Its GOTO takes a cycle more than the skip of it; the frame is as long as with any other content."""
+    compare = f"        movf EEDATA, w\n        xorlw {byte}\n        {{}} STATUS, Z\n        goto $+1\n"
+    body = TRIMMED
+    for place, skip in (("        movf 0x31, w\n", "btfsc"), ("        movf 0x32, w\n", "btfss")):
+        assert body.count(place) == 1
+        body = body.replace(place, compare.format(skip) + place)
+    image, schedule = assembled(body.format(**TRIM)), schedule_of(307 + 4 + 5, 144 + 4)
+    assert prove_for_all(image, schedule).proven
+    found = prove_for_all(image, schedule, ANY)
+    assert not found.proven and found.counterexample is not None
+    assert found.counterexample.eeprom == {0: byte}
+
+
+def test_a_byte_that_is_read_through_fsr_after_another_one_and_tmr0_is_any() -> None:
+    """The trim is byte 1, read where FSR = 0x88 makes INDF EECON1; EEDATA holds byte 0 before."""
+    second = "        incf EEADR, f\n        movlw 0x88\n        movwf FSR\n        movf TMR0, w\n"
+    body = TRIMMED.replace("{read}", READ + second + "        bsf INDF, 0\n        call sub\n") + SUB
+    image, schedule = assembled(body.format(**TRIM)), schedule_of(307 + 5 + 4, 144)
+    assert prove_for_all(image, schedule).proven
+    assert not prove_for_all(image, schedule, ANY).proven
+
+
+SUB = "sub     return\n"
 NEXT = "        incf EEADR, f\n" + READ.replace("        nop\n", "")
 """Reads the next byte of the EEPROM."""
 FROM_BYTE_5 = f"        movlw 5\n        movwf EEADR\n{READ}        movf EEDATA, w\n        xorlw 0x77\n"

@@ -9,8 +9,8 @@ import pytest
 
 from servogen.edges import PINS
 from servogen.engines.stream.protocol import trim_cycles
-from servogen.prove.tables import broadcast_along
-from servogen.prove.trim_pulses import NO_BYTE, NOT_BEGUN, TRIMS, Position, TrimPulses, WrongEdge
+from servogen.prove.tables import along
+from servogen.prove.trim_pulses import NO_BYTE, NOT_BEGUN, TRIMS, PinEdges, Position, TrimPulses, WrongEdge
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import Channel, Pulse, Run
 from servogen.units import Clock, Cycles
@@ -31,8 +31,8 @@ EVERY = np.full(256, 0)
 """The same for every value of a byte."""
 
 
-def pulse(pin: int, rise: Any, width: Any) -> dict[tuple[int, int], Any]:
-    return {(pin, 1): rise, (pin, 0): rise + width}
+def pulse(pin: int, rise: Any, width: Any) -> dict[int, PinEdges]:
+    return {pin: PinEdges(rise, rise + width)}
 
 
 def wrong(call: Any) -> tuple[str, dict[int, int], int]:
@@ -53,13 +53,16 @@ def test_time_passes_from_frame_to_frame_only_with_the_pulses_that_are_due() -> 
     assert pulses.advance(first, 2400) == Position(2, 2500, frozenset({0}))
     missing: tuple[str, dict[int, int], int] = ("the rise of RB1 is missing", {}, 2)
     assert wrong(lambda: pulses.advance(first, 2401)) == missing
-    assert wrong(lambda: pulses.advance(first, 2400, 1)) == missing, "the latest chip would be past it"
-    assert pulses.advance(first, 2401, 0, {(0, 1)}) == Position(2, 2501, frozenset({0, 1}))
+    late = wrong(lambda: pulses.after_edges(first, {}, (), 2400, 1))
+    assert late == missing, "the latest chip would be past it"
+    second = pulse(RB1, np.array(2400), 1500)
+    assert pulses.after_edges(first, second, (), 2401, 0) == Position(2, 2501, frozenset({0, 1}))
     both = Position(2, 100, frozenset({0, 1}))
     assert pulses.advance(both, PERIOD - 101).frame == 2 and not pulses.played
     assert pulses.advance(both, PERIOD - 100) == Position(3, 0) and pulses.played == {2}
     # A pulse of the next frame that has been is done there; behind the last frame the loop begins again.
-    assert pulses.advance(Position(3), PERIOD + 7, 0, {(1, 0)}) == Position(2, 7, frozenset({0}))
+    ahead = pulse(RB0, np.array(PERIOD), 1200)
+    assert pulses.after_edges(Position(3), ahead, (), PERIOD + 7, 0) == Position(2, 7, frozenset({0}))
     assert pulses.played == {2, 3}
     # The lead-in's first frame is followed by its second, in which nothing is due on RB1.
     done = Position(0, 5, frozenset({0}))
@@ -75,13 +78,15 @@ def test_the_first_rise_fixes_when_the_first_frame_begins() -> None:
     """Its rise is in cycle 0 of its frame."""
     pulses, one = TrimPulses(SCHEDULE), np.array([70])
     edges = pulse(RB0, one, 1000)
-    assert pulses.first_frame(NOT_BEGUN, {}) == NOT_BEGUN == pulses.first_frame(NOT_BEGUN, {(RB0, 0): one})
-    assert pulses.first_frame(NOT_BEGUN, {(RB0, 1): np.array([-1])}) == NOT_BEGUN, "there is no such edge"
+    only_fall = {RB0: PinEdges(None, one)}
+    assert pulses.first_frame(NOT_BEGUN, {}) == NOT_BEGUN == pulses.first_frame(NOT_BEGUN, only_fall)
+    some = pulse(RB0, np.array([-1, 70]), 1000)
+    assert pulses.first_frame(NOT_BEGUN, some) == Position(0, -70), "one of the chips has no rise"
     begun = pulses.first_frame(NOT_BEGUN, edges)
     assert begun == Position(0, -70) and pulses.first_frame(Position(2, 9), edges) == Position(2, 9)
     assert pulses.after_edges(begun, edges, (), 1500, 0) == Position(0, 1430, frozenset({0}))
     assert pulses.bytes == {0: NO_BYTE} and pulses.trims == {}
-    assert pulses.after_edges(NOT_BEGUN, {(RB0, 0): one}, (), 1500, 0) == NOT_BEGUN
+    assert pulses.after_edges(NOT_BEGUN, only_fall, (), 1500, 0) == NOT_BEGUN
     # A pulse in another frame, or of another pin, than the first frame's.
     assert wrong(lambda: pulses.after_edges(begun, pulse(RB1, one, 1000), (), 1500, 0)) == (
         "a pulse on RB1 is not the schedule's", {}, 0
@@ -95,25 +100,25 @@ def test_a_pulse_is_the_schedule_s_for_every_value_of_its_byte() -> None:
     assert pulses.after_edges(there, due, (7,), 1500, 0) == Position(2, 1430, frozenset({0}))
     assert pulses.bytes == {0: 7} == pulses.trims
     # In the frame before the one in which it is.
-    ahead = {key: column + PERIOD - 70 for key, column in due.items()}
+    ahead = pulse(RB0, EVERY + PERIOD, 1200 + LONGER)
     assert pulses.after_edges(Position(3), ahead, (7,), PERIOD + 1500, 0) == Position(2, 1500, frozenset({0}))
-    late, fall = rise.copy(), due[RB0, 0].copy()
+    due_fall = rise + 1200 + LONGER
+    late, fall, none = rise.copy(), due_fall.copy(), rise.copy()
     late[5] += 1
     fall[9] += 1
-    none = EVERY - 1
+    none[6] = -1
     for edges, message, content in (
-        ({**due, (RB0, 1): late}, "a pulse on RB0 is not the schedule's", {7: 5}),
-        ({(RB0, 1): rise}, "a pulse on RB0 is not the schedule's", {7: 0}),
-        ({(RB0, 0): rise}, "a pulse on RB0 is not the schedule's", {7: 0}),
-        ({**due, (RB0, 1): none}, "a pulse on RB0 is not the schedule's", {7: 0}),
+        ({RB0: PinEdges(late, due_fall)}, "a pulse on RB0 is not the schedule's", {7: 5}),
+        ({RB0: PinEdges(none, due_fall)}, "a pulse on RB0 is not the schedule's", {7: 6}),
+        ({RB0: PinEdges(rise, None)}, "a pulse on RB0 is not the schedule's", {7: 0}),
+        ({RB0: PinEdges(None, rise)}, "a pulse on RB0 is not the schedule's", {7: 0}),
         (pulse(RB0, rise + 1, 1200 + LONGER), "a pulse on RB0 is not the schedule's", {7: 0}),
         (pulse(RB1, rise, 1200 + EVERY), "a pulse on RB1 is not the schedule's", {7: 0}),
-        ({**due, (RB0, 0): fall}, "the fall of RB0 is not where the EEPROM wants it", {7: 9}),
+        ({RB0: PinEdges(rise, fall)}, "the fall of RB0 is not where the EEPROM wants it", {7: 9}),
     ):
         found = wrong(lambda edges=edges: pulses.after_edges(there, edges, (7,), 1500, 0))
         assert found == (message, content, 2)
-    # An edge that there is not moves nothing; the pulse that is due is missing then.
-    assert wrong(lambda: pulses.after_edges(there, {(RB0, 1): none, (RB0, 0): none}, (7,), 1500, 0)) == (
+    assert wrong(lambda: pulses.after_edges(there, {}, (7,), 1500, 0)) == (
         "the rise of RB0 is missing", {}, 2
     )  # fmt: skip
 
@@ -121,10 +126,10 @@ def test_a_pulse_is_the_schedule_s_for_every_value_of_its_byte() -> None:
 def test_the_first_pulse_of_a_channel_shows_which_byte_is_its_trim_and_later_ones_have_the_same() -> None:
     pulses, there = TrimPulses(SCHEDULE), Position(2)
 
-    def both(one: Any, two: Any, cells: tuple[int, ...] = (7,), at: Position = there) -> None:
+    def both(one: Any, two: Any, addresses: tuple[int, ...] = (7,), at: Position = there) -> None:
         rise = np.zeros(np.broadcast(one, two).shape, dtype=np.int64)
         edges = pulse(RB0, rise, 1200 + one) | pulse(RB1, rise + 2500, 1500 + two)
-        pulses.after_edges(at, edges, cells, 5000, 0)
+        pulses.after_edges(at, edges, addresses, 5000, 0)
 
     both(LONGER, EVERY)
     assert pulses.bytes == {0: 7, 1: NO_BYTE} and pulses.trims == {0: 7}
@@ -138,7 +143,7 @@ def test_the_first_pulse_of_a_channel_shows_which_byte_is_its_trim_and_later_one
     assert wrong(lambda: both(LONGER, LONGER))[0] == fall.replace("RB0", "RB1"), "it had no trim before"
     # Of two bytes, the one that explains the lengths.
     pulses = TrimPulses(SCHEDULE)
-    first, second = broadcast_along(LONGER, 0, 2), broadcast_along(LONGER, 1, 2)
+    first, second = along(LONGER, 0, 2), along(LONGER, 1, 2)
     both(second, first, (2, 5))
     assert pulses.trims == {0: 5, 1: 2}
     assert wrong(lambda: both(first, first, (2, 5))) == (fall, {2: 0, 5: 1}, 2), "byte 5 lengthens nothing"
