@@ -9,6 +9,7 @@ import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from copy import copy
 from dataclasses import fields, is_dataclass
 from functools import wraps
 from importlib import import_module
@@ -21,7 +22,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.exceptions import TyperException
-from typer.models import ArgumentInfo
+from typer.models import ArgumentInfo, OptionInfo
 
 from servogen import INTERRUPTED, NOBODY_READS, __version__
 from servogen.cli.show import show_error
@@ -131,13 +132,15 @@ def _load(command: str) -> Command:
 def _types(declared: Any) -> dict[str, Any]:
     """Return the types of the parameters of a command, or of a group of options, as typer takes them.
 
-    A parameter of which only the meaning is stated, `Annotated[type, "meaning"]`, is the option of its name.
+    A parameter of which only the meaning is stated, `Annotated[type, "meaning"]`, is an option. One that
+    states no name has the parameter's.
     """
     hints = get_type_hints(declared, include_extras=True)
     for name, hint in hints.items():
-        meaning = getattr(hint, "__metadata__", ("",))[0]
-        if meaning and isinstance(meaning, str):
-            option = typer.Option(f"--{name.replace('_', '-')}", help=meaning)
+        stated = next(iter(getattr(hint, "__metadata__", ())), None)
+        option = typer.Option(help=stated) if isinstance(stated, str) else copy(stated)
+        if isinstance(option, OptionInfo) and option.default is ...:  # where typer keeps the first name
+            option.default = f"--{name.replace('_', '-')}"
             hints[name] = Annotated[hint.__origin__, option]
     return hints
 

@@ -32,9 +32,7 @@ def assemble(
     listing: ListingFile = None,
     script: Annotated[
         Path | None,
-        typer.Option(
-            "--script", help="A linker script (.lkr), instead of gplink's for the chip.", show_default=False
-        ),
+        typer.Option(help="A linker script (.lkr), instead of gplink's for the chip.", show_default=False),
     ] = None,
     place: Annotated[
         list[str] | None, "A section's address: ISR=4h, as pic-as's -Wl,-pISR=4h (repeatable)."

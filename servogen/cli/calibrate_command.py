@@ -46,7 +46,7 @@ class SweepOptions:
     port: Port = None
     from_us: Annotated[float | None, "The shortest pulse, µs (default: the servo's limit)."] = None
     to_us: Annotated[float | None, "The longest pulse, µs (default: the servo's limit)."] = None
-    points: Annotated[int, typer.Option("--points", min=3, max=100, help="Number of pulse widths.")] = 7
+    points: Annotated[int, typer.Option(min=3, max=100, help="Number of pulse widths.")] = 7
     angles: Annotated[
         str | None,
         typer.Option(
@@ -66,11 +66,7 @@ def calibrate(
     sweep: SweepOptions,
     tolerance_deg: Annotated[
         float | None,
-        typer.Option(
-            "--tolerance-deg",
-            min=0.1,
-            help="How far a reading may be from the line (default: 5; wheels: 20).",
-        ),
+        typer.Option(min=0.1, help="How far a reading may be from the line (default: 5; wheels: 20)."),
     ] = None,
     output: Annotated[
         Path | None,

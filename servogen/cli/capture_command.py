@@ -40,8 +40,7 @@ class CaptureOptions:
         typer.Option("--rle/--no-rle", help="Let the analyser compress equal samples (run-length encoding)."),
     ] = True
     memory: Annotated[
-        int | None,
-        typer.Option("--memory", min=8, help="The analyser's memory in bytes, if it does not report it."),
+        int | None, typer.Option(min=8, help="The analyser's memory in bytes, if it does not report it.")
     ] = None
     trigger: Annotated[str | None, "Start when this pin rises (default: the first servo's)."] = None
     wire: Annotated[
@@ -66,8 +65,7 @@ def capture(
         "the duration.",
     ] = None,
     seconds: Annotated[
-        float | None,
-        typer.Option("--seconds", min=0.001, help="Duration (default: one loop of --against, or 1 s)."),
+        float | None, typer.Option(min=0.001, help="Duration (default: one loop of --against, or 1 s).")
     ] = None,
     json: Json = False,
 ) -> None:

@@ -27,7 +27,6 @@ def check_certificate(
     allow_held: Annotated[
         list[str] | None,
         typer.Option(
-            "--allow-held",
             metavar="PIN",
             help="Accept a certificate that is about one level of this button or line only (repeatable).",
         ),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 from typing import Annotated
 
-from typer import Option
+import typer
 
 from servogen.simulator.options import SimulatorOptions, start_value
 
@@ -19,36 +19,37 @@ class ChipOptions:
     ra4_pull_up: Annotated[bool, "Connect a pull-up resistor to RA4, which is an open drain."] = (
         DEFAULTS.ra4_pull_up
     )
-    watchdog_us: Annotated[int, Option(help="The watchdog's period in µs; 7000 to 33000 on real chips.")] = (
+    watchdog_us: Annotated[int, "The watchdog's period in µs; 7000 to 33000 on real chips."] = (
         DEFAULTS.watchdog_us
     )
     eeprom_write_us: Annotated[
-        int | None, Option(help="Duration of an EEPROM write in µs (default: typical of the device).")
+        int | None, "Duration of an EEPROM write in µs (default: typical of the device)."
     ] = DEFAULTS.eeprom_write_us
     power_up: Annotated[bool, "Include the power-up timer and the oscillator's start-up time."] = (
         DEFAULTS.power_up
     )
-    power_up_us: Annotated[
-        int, Option(help="The power-up timer's period in µs; 28000 to 132000 on real chips.")
-    ] = DEFAULTS.power_up_us
-    oscillator_start_up: Annotated[
-        bool, Option(help="Wait 1024 oscillator periods after a wake-up, unless the oscillator is RC.")
-    ] = DEFAULTS.oscillator_start_up
-    floating: Annotated[int, Option(help="The level read from a pin that nothing drives: 0 or 1.")] = (
-        DEFAULTS.floating
+    power_up_us: Annotated[int, "The power-up timer's period in µs; 28000 to 132000 on real chips."] = (
+        DEFAULTS.power_up_us
     )
-    start_seed: Annotated[int | None, Option(help="Seed for everything that is undefined at power-up.")] = (
+    oscillator_start_up: Annotated[
+        bool,
+        typer.Option(
+            "--oscillator-start-up/--no-oscillator-start-up",
+            help="Wait 1024 oscillator periods after a wake-up, unless the oscillator is RC.",
+        ),
+    ] = DEFAULTS.oscillator_start_up
+    floating: Annotated[int, "The level read from a pin that nothing drives: 0 or 1."] = DEFAULTS.floating
+    start_seed: Annotated[int | None, "Seed for everything that is undefined at power-up."] = (
         DEFAULTS.start_seed
     )
     start: Annotated[
         list[str] | None,
-        Option(
-            metavar="NAME=VALUE",
-            help="A value at power-up, such as w=0x12, 0x20=7 or ram=255 (repeatable).",
+        typer.Option(
+            metavar="NAME=VALUE", help="A value at power-up, such as w=0x12, 0x20=7 or ram=255 (repeatable)."
         ),
     ] = None
     tmr0_phase: Annotated[
-        int, Option(help="Cycles (0 to 3) for which TMR0 pauses after OPTION_REG selects its clock.")
+        int, "Cycles (0 to 3) for which TMR0 pauses after OPTION_REG selects its clock."
     ] = DEFAULTS.tmr0_phase
 
     def on(self, device: str) -> SimulatorOptions:

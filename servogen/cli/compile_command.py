@@ -45,8 +45,7 @@ class LanguageOptions:
         "The chip (default: the one that a header names, else PIC16F84, or PIC16F84A above 10 MHz).",
     ] = None
     clock_hz: Annotated[
-        int | None,
-        typer.Option("--clock-hz", min=1, help="The clock in Hz, if the source does not state it."),
+        int | None, typer.Option(min=1, help="The clock in Hz, if the source does not state it.")
     ] = None
     float_bits: Annotated[
         int | None,
@@ -72,15 +71,13 @@ class CompilerOptions:
     dump: Annotated[
         str | None,
         typer.Option(
-            "--dump",
             metavar="ir[:PASS]",
             help="Print the compiler's intermediate form after a pass (default: the last one), and what each "
             "pass saved.",
         ),
     ] = None
     no_warning: Annotated[
-        list[str] | None,
-        typer.Option("--no-warning", metavar="CODE", help="Suppress warnings with this code (repeatable)."),
+        list[str] | None, typer.Option(metavar="CODE", help="Suppress warnings with this code (repeatable).")
     ] = None
     verify_ir: Annotated[bool, "Check the intermediate form after every pass."] = False
     timeout: TimeLimit = COMPILING.seconds

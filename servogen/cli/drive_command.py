@@ -38,7 +38,6 @@ class DriveOptions:
     seconds: Annotated[
         float | None,
         typer.Option(
-            "--seconds",
             parser=duration,
             metavar="SECONDS",
             help="Duration (default: until Ctrl-C; a pose is sent once, unless the fail-safe would end it).",
@@ -49,20 +48,15 @@ class DriveOptions:
         "What to do at the end: hold, neutral, off or a pose (default: stop wheels, hold other servos).",
     ] = None
     step_mm: Annotated[
-        float | None,
-        typer.Option("--step-mm", min=1, help="With --keys: distance of one step; of a base, per second."),
+        float | None, typer.Option(min=1, help="With --keys: distance of one step; of a base, per second.")
     ] = None
     turn_deg: Annotated[
-        float | None,
-        typer.Option("--turn-deg", min=0.1, help="With --keys: turn of one step; of a base, per second."),
+        float | None, typer.Option(min=0.1, help="With --keys: turn of one step; of a base, per second.")
     ] = None
     arrive_s: Annotated[
         float,
         typer.Option(
-            "--arrive-s",
-            min=0,
-            max=4,
-            help="How long a stream engine takes to move all servos to the first pose.",
+            min=0, max=4, help="How long a stream engine takes to move all servos to the first pose."
         ),
     ] = ARRIVE_S
 

@@ -26,9 +26,7 @@ RangeUs = Annotated[
     str | None,
     "The pulse widths of positions 0 and 254, such as 500,2500 (default: those of the job's stream table).",
 ]
-First = Annotated[
-    int, typer.Option("--first", min=0, max=253, help="The first servo's number on the controller.")
-]
+First = Annotated[int, typer.Option(min=0, max=253, help="The first servo's number on the controller.")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +38,7 @@ class WireOptions:
     range_us: RangeUs = None
     first: First = 0
     patience: Annotated[
-        float,
-        typer.Option("--patience", min=0, help="How many seconds to wait for a port that has disappeared."),
+        float, typer.Option(min=0, help="How many seconds to wait for a port that has disappeared.")
     ] = 60.0
     dry_run: Annotated[bool, "Print the bytes without sending them."] = False
 

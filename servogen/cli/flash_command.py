@@ -32,7 +32,7 @@ class FlashOptions:
     device: Annotated[
         str | None, "The chip: PIC16F84 or PIC16F84A (default: what the program was built for)."
     ] = None
-    timeout: Annotated[float, typer.Option("--timeout", min=1, help="Seconds to wait for the chip.")] = 120.0
+    timeout: Annotated[float, typer.Option(min=1, help="Seconds to wait for the chip.")] = 120.0
     number: Annotated[
         int | None,
         typer.Option("--chip", min=1, max=2, help="Which of the two chips of a job, whose folder FILE is."),

@@ -49,16 +49,14 @@ class GaitOptions:
         str | None, "A custom gait: the phase at which each leg lifts, L1=0,L2=0.5,… or 0,0.5,… in order."
     ] = None
     stride_mm: Annotated[
-        float,
-        table_option(SegmentTable, "forward_mm", "How far the body moves in a cycle.", "--stride-mm"),
+        float, table_option(SegmentTable, "forward_mm", "How far the body moves in a cycle.", "--stride-mm")
     ] = 40.0
     direction_deg: Annotated[
         float,
         table_option(RoutineTable, "direction_deg", "Direction of the stride: 0 is forward, 90 is left."),
     ] = 0.0
     turn_deg: Annotated[
-        float,
-        table_option(SegmentTable, "turn_deg", "How far the body turns in a cycle, counter-clockwise."),
+        float, table_option(SegmentTable, "turn_deg", "How far the body turns in a cycle, counter-clockwise.")
     ] = usual(SegmentTable, "turn_deg")
     cycles: Annotated[
         float | None,
@@ -88,15 +86,12 @@ class GaitOptions:
 class PostureOptions:
     """The body and its legs."""
 
-    lift_mm: Annotated[
-        float,
-        table_option(WalkTable, "lift_mm", "How high the feet are lifted."),
-    ] = usual(WalkTable, "lift_mm")
+    lift_mm: Annotated[float, table_option(WalkTable, "lift_mm", "How high the feet are lifted.")] = usual(
+        WalkTable, "lift_mm"
+    )
     clearance_mm: Annotated[
         float | None,
-        typer.Option(
-            "--clearance-mm", min=0, max=MAX_MM, help="Refuse a walk with less ground clearance than this."
-        ),
+        typer.Option(min=0, max=MAX_MM, help="Refuse a walk with less ground clearance than this."),
     ] = None
     body_height_mm: Annotated[
         float | None,

@@ -134,7 +134,6 @@ class GradeLimits:
     level: Annotated[
         int,
         typer.Option(
-            "--level",
             min=0,
             max=8,
             help="How many levels below a given folder the students' folders are; a program can "
@@ -147,7 +146,6 @@ class GradeLimits:
     timeout: Annotated[
         float,
         typer.Option(
-            "--timeout",
             min=0.1,
             help="Processor seconds for running one program; compiling it is limited to "
             f"{COMPILING.seconds:g}.",
@@ -184,8 +182,7 @@ def grade(
         typer.Argument(help="lab8-exercise, lab9-exercise or a lab of your own (.toml).", show_default=False),
     ],
     files: Annotated[
-        list[Path],
-        typer.Argument(help="HEX, C or assembly files, or folders of them.", show_default=False),
+        list[Path], typer.Argument(help="HEX, C or assembly files, or folders of them.", show_default=False)
     ],
     outputs: GradeFiles,
     work: GradeLimits,

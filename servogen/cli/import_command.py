@@ -37,9 +37,9 @@ class TrackOptions:
         ),
     ] = None
     joints: Annotated[bool, "The angles are those of joints, as in ROS files and with --robot."] = False
-    to_s: Annotated[
-        float | None, typer.Option("--to-s", min=0, help="Import only the beginning, up to this time.")
-    ] = None
+    to_s: Annotated[float | None, typer.Option(min=0, help="Import only the beginning, up to this time.")] = (
+        None
+    )
 
     @property
     def named(self) -> Named:

@@ -1,7 +1,7 @@
 """Options and arguments that several commands share, each with one meaning and one help text.
 
 An option is a parameter of a command, or a field of a group: `Annotated[type, "meaning"]`. Its name is the
-parameter's; `typer.Option` stands where another name, limits or a parser are stated too.
+parameter's, unless `typer.Option`, which states limits and parsers as well, has another one.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def usual(table: type[Table], key: str) -> Any:
 def baud_option(default: str) -> Any:
     """Return the option `--baud` of a serial line; `default` says which rate it has without."""
     # The slowest rate that serial ports of computers offer.
-    return typer.Option("--baud", min=50, help=f"Baud rate of the serial line (default: {default}).")
+    return typer.Option(min=50, help=f"Baud rate of the serial line (default: {default}).")
 
 
 def sampling_rate_option(help: str) -> Any:
@@ -85,7 +85,7 @@ JobFile = Annotated[
 ]
 Json = Annotated[bool, "Print the result as JSON."]
 ServerPort = Annotated[
-    int, typer.Option("--port", min=0, max=65_535, help="Port of the server (default: any free one).")
+    int, typer.Option(min=0, max=65_535, help="Port of the server (default: any free one).")
 ]
 OpensBrowser = Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")]
 DeviceName = Annotated[str, "The chip: PIC16F84 or PIC16F84A."]
@@ -103,37 +103,28 @@ def duration(text: str) -> float:
     return seconds
 
 
-PeriodUs = Annotated[int, typer.Option("--period-us", min=1000, max=1_000_000, help="Frame period in µs.")]
+PeriodUs = Annotated[int, typer.Option(min=1000, max=1_000_000, help="Frame period in µs.")]
 Seconds = Annotated[
-    float | None,
-    typer.Option("--seconds", parser=duration, metavar="SECONDS", help="Duration in simulated seconds."),
+    float | None, typer.Option(parser=duration, metavar="SECONDS", help="Duration in simulated seconds.")
 ]
 ClockHz = Annotated[
-    int | None,
-    typer.Option("--clock-hz", min=1, help="The clock in Hz (default: the one stated in the C, else 4 MHz)."),
+    int | None, typer.Option(min=1, help="The clock in Hz (default: the one stated in the C, else 4 MHz).")
 ]
 StimulusFile = Annotated[Path | None, "A TOML file of the signals that drive the pins."]
 Partial = Annotated[bool, "Also exit with 0 if all recorded frames are right but some were not recorded."]
 CaptureRate = Annotated[
-    int | None,
-    sampling_rate_option("The capture's sampling rate in Hz, if its file does not state it."),
+    int | None, sampling_rate_option("The capture's sampling rate in Hz, if its file does not state it.")
 ]
 RecordedWires = Annotated[
     list[str] | None,
     typer.Option(
-        "--wire",
         metavar="CHANNEL=PIN",
         help="The pin of a recorded channel that is not named after one, such as D0=RB0 (repeatable); then "
         "only these are read.",
     ),
 ]
-TimeLimit = Annotated[
-    float,
-    typer.Option("--timeout", min=0.1, help="Stop after this many seconds of processor time."),
-]
-MemoryLimit = Annotated[
-    int, typer.Option("--memory-mb", min=50, help="Stop if more memory than this is needed.")
-]
+TimeLimit = Annotated[float, typer.Option(min=0.1, help="Stop after this many seconds of processor time.")]
+MemoryLimit = Annotated[int, typer.Option(min=50, help="Stop if more memory than this is needed.")]
 Output = Annotated[Path | None, typer.Option("--output", "-o", help="The file to write.")]
 Plot = Annotated[Path | None, typer.Option("--plot", help="Draw a picture: .png, .svg or .pdf.")]
 Animate = Annotated[Path | None, "Write an animation of the robot: .gif or .mp4 (needs ffmpeg)."]

@@ -57,9 +57,7 @@ class BenchOptions:
     """The faults, the analyser and the input board of the simulated bench."""
 
     crystal_ppm: Annotated[float, "Error of the chip's crystal in ppm; positive if it is fast."] = 0.0
-    memory: Annotated[int, typer.Option("--memory", min=16, help="The analyser's memory in bytes.")] = (
-        24 * 1024
-    )
+    memory: Annotated[int, typer.Option(min=16, help="The analyser's memory in bytes.")] = 24 * 1024
     fastest: Annotated[int, sampling_rate_option("The analyser's maximum sampling rate in Hz.")] = 10**8
     glitches: Annotated[float, typer.Option("--noise", min=0, help="Wrong samples per second.")] = 0.0
     fault: Annotated[
@@ -69,8 +67,7 @@ class BenchOptions:
     inputs: Annotated[
         list[str] | None,
         typer.Option(
-            "--input",
-            help="How the input board is wired, such as RB0=2, RB0-RB4=22 or RA1=TX1 (repeatable).",
+            "--input", help="How the input board is wired, such as RB0=2, RB0-RB4=22 or RA1=TX1 (repeatable)."
         ),
     ] = None
     scheduler: Annotated[

@@ -50,8 +50,7 @@ def robots(
     urdf: Annotated[Path | None, "Write this arm as URDF, the robot description of ROS."] = None,
     mjcf: Annotated[Path | None, "Write its bodies as MJCF, a model for MuJoCo."] = None,
     picture: Annotated[
-        Path | None,
-        typer.Option("--plot", help="Draw its kinematic scheme: .png, .svg or .pdf."),
+        Path | None, typer.Option("--plot", help="Draw its kinematic scheme: .png, .svg or .pdf.")
     ] = None,
     json: Json = False,
 ) -> None:
@@ -270,11 +269,7 @@ def jacobian(
     ] = None,
     analytic: Annotated[
         str | None,
-        typer.Option(
-            "--analytic",
-            metavar="ORDER",
-            help="The analytic one: its lower rows are the rates of these angles.",
-        ),
+        typer.Option(metavar="ORDER", help="The analytic one: its lower rows are the rates of these angles."),
     ] = None,
     symbolic: Symbolic = False,
     style: Style = "text",
@@ -345,8 +340,7 @@ def mobility(
         ),
     ] = None,
     elements: Annotated[
-        int | None,
-        typer.Option("--elements", min=1, help="The number of elements of a mechanism, the base included."),
+        int | None, typer.Option(min=1, help="The number of elements of a mechanism, the base included.")
     ] = None,
     joint: Annotated[
         list[str] | None, "KIND or KIND:NUMBER: turning, sliding, screw, cylindrical, universal, spherical."
@@ -401,8 +395,7 @@ def transform(
 
 def orientation(
     form: Annotated[
-        str,
-        typer.Argument(help="rpy, zyz or another order of three axes, axis-angle, quaternion or matrix."),
+        str, typer.Argument(help="rpy, zyz or another order of three axes, axis-angle, quaternion or matrix.")
     ],
     values: Annotated[
         list[float],

@@ -63,15 +63,13 @@ class Claim:
     any_line: Annotated[
         Path | None,
         typer.Option(
-            "--any-line",
             metavar="JOB.toml",
             help="With --against: for every waveform on the serial line of this job, which says what "
             "commands mean; takes minutes.",
         ),
     ] = None
     max_states: Annotated[
-        int | None,
-        typer.Option("--max-states", min=1, help="With --against: give up after this many states."),
+        int | None, typer.Option(min=1, help="With --against: give up after this many states.")
     ] = None
 
     @property

@@ -306,12 +306,7 @@ class MeasuredFiles:
     ] = None
     margin_percent: Annotated[
         float,
-        typer.Option(
-            "--margin-percent",
-            min=0,
-            max=50,
-            help="By how much the contract's bounds are wider than what was seen.",
-        ),
+        typer.Option(min=0, max=50, help="By how much the contract's bounds are wider than what was seen."),
     ] = 0.5
 
     @property

@@ -48,9 +48,7 @@ def simulate(
     chip: ChipOptions,
     files: SimulationFiles,
     seconds: Seconds = None,
-    cycles: Annotated[
-        int | None, typer.Option("--cycles", min=0, max=MAX_CYCLES, help="Duration in cycles.")
-    ] = None,
+    cycles: Annotated[int | None, typer.Option(min=0, max=MAX_CYCLES, help="Duration in cycles.")] = None,
     stimulus: StimulusFile = None,
     profile: Annotated[bool, "Show where the cycles were spent."] = False,
     clock_hz: ClockHz = None,

@@ -31,7 +31,7 @@ class GroundOptions:
     slope_deg: Annotated[float, "Slope of the ground, rising forward."] = 0.0
     step_mm: Annotated[float, "Height of a step 150 mm ahead."] = 0.0
     rough_mm: Annotated[float, "Height of random bumps."] = 0.0
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the random bumps.")] = 1
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the random bumps.")] = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,9 +43,9 @@ class RunOptions:
     ] = None
     broken: Annotated[list[str] | None, "A servo with a broken gear (repeatable)."] = None
     unplugged: Annotated[list[str] | None, "A servo that receives no pulses (repeatable)."] = None
-    loops: Annotated[int, typer.Option("--loops", min=1, help="How many times the motion is played.")] = 1
+    loops: Annotated[int, typer.Option(min=1, help="How many times the motion is played.")] = 1
     seconds: Annotated[
-        float | None, typer.Option("--seconds", min=0, help="Duration from power-up, instead of --loops.")
+        float | None, typer.Option(min=0, help="Duration from power-up, instead of --loops.")
     ] = None
     stimulus: StimulusFile = None
 
@@ -55,8 +55,7 @@ class TwinFiles:
     """The files to write."""
 
     picture: Annotated[
-        Path | None,
-        typer.Option("--plot", help="Draw path, torques, supply and feet: .png, .svg or .pdf."),
+        Path | None, typer.Option("--plot", help="Draw path, torques, supply and feet: .png, .svg or .pdf.")
     ] = None
     film: Annotated[Path | None, "Write an animation of the robot: .gif or .mp4 (needs ffmpeg)."] = None
     csv: Annotated[Path | None, "Write one row per 5 ms."] = None

@@ -36,10 +36,7 @@ class PageOptions:
     at_cycle: Annotated[
         int,
         typer.Option(
-            "--at-cycle",
-            min=0,
-            max=MAX_BEGIN,
-            help="The moment to start at, in instruction cycles since power-up.",
+            min=0, max=MAX_BEGIN, help="The moment to start at, in instruction cycles since power-up."
         ),
     ] = 0
     stimulus: StimulusFile = None
