@@ -50,7 +50,7 @@ def atomic_write(path: str | Path, mode: str = "w") -> contextlib.AbstractContex
     /dev/stdout) are written in place, because they have no old content to keep. Raises InputError if the path
     cannot be written and ToolError if the disk fails.
     """
-    return _opened(Path(path), mode)
+    return _open_output(Path(path), mode)
 
 
 def make_folder(path: str | Path) -> Path:
@@ -121,7 +121,7 @@ def _staging_folder(parent: Path, target: Path, shown: Path) -> Iterator[Path]:
             if os.name != "posix":
                 break
             with suppress(FileNotFoundError):  # another process may remove it as soon as it exists
-                locked = lock_part(held.enter_context(_held(os.open(staging, os.O_RDONLY))), staging)
+                locked = lock_part(held.enter_context(_hold(os.open(staging, os.O_RDONLY))), staging)
         yield staging
 
 
@@ -131,13 +131,13 @@ def _swap_in(staging: Path, target: Path, names: Collection[str]) -> None:
         staging.rename(target)
     elif _same_files(staging, target, names):
         return  # it remains the same folder for processes that work in it
-    elif _exchanged(staging, target, names):
+    elif _exchange_sets(staging, target, names):
         _carry(staging, target, names)
     else:
         _replace_in_place(staging, target, names)
 
 
-def _exchanged(staging: Path, target: Path, names: Collection[str]) -> bool:
+def _exchange_sets(staging: Path, target: Path, names: Collection[str]) -> bool:
     """Link other files of `target` into `staging` and exchange both; return False if impossible."""
     if Path.cwd().is_relative_to(target) or staging.is_relative_to(target):
         return False
@@ -146,7 +146,7 @@ def _exchanged(staging: Path, target: Path, names: Collection[str]) -> bool:
         old, new = target.stat(), staging.stat()
         if (old.st_uid, old.st_gid) != (new.st_uid, new.st_gid):
             os.chown(staging, old.st_uid, old.st_gid)
-        for entry in _others(target, names):
+        for entry in _other_entries(target, names):
             if entry.is_symlink() or not entry.is_dir():
                 os.link(entry, staging / entry.name, follow_symlinks=False)
         exchange_folders(staging, target)
@@ -177,7 +177,7 @@ def _same_files(staging: Path, target: Path, names: Collection[str]) -> bool:
     return all(filecmp.cmp(staging / name, target / name, shallow=False) for name in new)
 
 
-def _others(folder: Path, names: Collection[str]) -> list[Path]:
+def _other_entries(folder: Path, names: Collection[str]) -> list[Path]:
     """Return the entries of `folder` that belong neither to the set nor to leftovers of killed processes."""
     return [
         entry
@@ -188,7 +188,7 @@ def _others(folder: Path, names: Collection[str]) -> list[Path]:
 
 def _carry(old: Path, target: Path, names: Collection[str]) -> None:
     """Move entries that only `old` has and that are not of the set to `target`: folders, and late files."""
-    for entry in _others(old, names):
+    for entry in _other_entries(old, names):
         if not os.path.lexists(target / entry.name):
             with suppress(FileNotFoundError):  # another process that cleans up was faster
                 entry.rename(target / entry.name)
@@ -196,30 +196,30 @@ def _carry(old: Path, target: Path, names: Collection[str]) -> None:
 
 def _remove_abandoned(parent: Path, target: Path, names: Collection[str]) -> None:
     """Remove what killed processes have left of the set; move other files back to `target`."""
-    for entry in _abandoned(parent, target.name):
+    for entry in _abandoned_parts(parent, target.name):
         if entry.is_dir():
             if target.is_dir():
                 _carry(entry, target, names)
             shutil.rmtree(entry, ignore_errors=True)
     if target.is_dir():
         for name in names:
-            for entry in _abandoned(target, name):
+            for entry in _abandoned_parts(target, name):
                 entry.unlink(missing_ok=True)
 
 
-def _abandoned(folder: Path, name: str) -> Iterator[Path]:
+def _abandoned_parts(folder: Path, name: str) -> Iterator[Path]:
     """Yield this user's parts of `name` whose process has ended, as their locks are no longer held."""
     if os.name != "posix":  # without such locks, it cannot be known
         return
     for entry in [part for part in folder.iterdir() if _is_part_of(part.name, name)]:
-        with suppress(OSError), _held(os.open(entry, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)) as handle:
+        with suppress(OSError), _hold(os.open(entry, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)) as handle:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if os.fstat(handle).st_uid == os.geteuid():
                 yield entry  # the caller removes it under the lock, so no process can have just begun it
 
 
 @contextmanager
-def _held(handle: int) -> Iterator[int]:
+def _hold(handle: int) -> Iterator[int]:
     try:
         yield handle
     finally:
@@ -274,7 +274,7 @@ def _no_exchange() -> OSError:
 
 
 @contextmanager
-def _opened(path: Path, mode: str) -> Iterator[IO[Any]]:
+def _open_output(path: Path, mode: str) -> Iterator[IO[Any]]:
     text = {} if "b" in mode else {"encoding": "utf-8", "newline": "\n", "errors": "backslashreplace"}
     descriptor = _descriptor(path)
     try:
@@ -312,7 +312,7 @@ def _opened(path: Path, mode: str) -> Iterator[IO[Any]]:
 
 def _open_part(target: Path, mode: str, text: dict[str, str]) -> tuple[Path, IO[Any]]:
     """Create a file beside `target`, locked while it is open, after removing parts of killed processes."""
-    for entry in _abandoned(target.parent, target.name):
+    for entry in _abandoned_parts(target.parent, target.name):
         entry.unlink(missing_ok=True)
     while True:
         name = _part_name(target)

@@ -16,7 +16,6 @@ from servogen.drive.on_command import CommandedDrive, CommandedFrame, Twin
 from servogen.drive.serial_link import VirtualTime
 from servogen.job import load, plan_job
 from servogen.report.pictures import new_figure, save
-from servogen.report.tracks import moved_ends
 
 HERE = Path(__file__).parent
 JOB = HERE.parents[1] / "jobs" / "hexapod-command.toml"
@@ -48,7 +47,7 @@ def feet(states: list[CommandedFrame]) -> np.ndarray:
         [servo.angle(width) for width in column]
         for servo, column in zip(job.servos, widths.T.tolist(), strict=True)
     ]
-    return np.stack([end.points(np.array(columns).T) for end in moved_ends(job)], axis=1)
+    return np.stack([end.points(np.array(columns).T) for end in job.ends], axis=1)
 
 
 def path(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -218,7 +218,7 @@ def run() -> int:
     except TyperException as error:  # the command line is wrong
         text = error.format_message().rstrip(".").replace(": Value error, ", ": ")
         text = _with_value(text, error, sys.argv[1:])
-        meant = _meant(text)
+        meant = _suggestion(text)
         text = (BY_LETTERS if meant else HELP_ALONE).sub("", text)
         hint = meant or _outputs(text, error) or f"see: {_command_name(error)} --help"
         show_error(InputError("usage", text, hint=hint), sys.argv[1:])
@@ -256,7 +256,7 @@ BY_LETTERS = re.compile(r"\. Did you mean .*$")
 HELP_ALONE = re.compile(r" \(Possible options: --help\)$")
 
 
-def _meant(text: str) -> str:
+def _suggestion(text: str) -> str:
     """Return which command somebody means who types another tool's; empty where that is not known."""
     word = re.match(r"No such command '([\w-]+)'", text)
     command = MEANT.get(word[1]) if word else None

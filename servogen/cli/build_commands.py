@@ -148,7 +148,7 @@ class _Demo:
         total, at_once = counted(len(jobs), "job"), min(os.cpu_count() or 1, len(jobs))
         # The steps of several jobs at a time would be those of none.
         step = tell if at_once == 1 else lambda text: None
-        works = [partial(_made, job, output, proofs, not prove, step) for job in jobs]
+        works = [partial(_build_and_prove, job, output, proofs, not prove, step) for job in jobs]
         tell(f"0 of {total} built")
         for index, result in run_each(works, BUILDING, at_once) if at_once > 1 else each_here(works):
             made[index] = result
@@ -192,7 +192,7 @@ class _Demo:
         ]
 
 
-def _made(
+def _build_and_prove(
     file: Path, output: Path, certificates: Path | None, checks: bool, tell: Callable[[str], None]
 ) -> _Made:
     """Return a job's build and, if it `checks`, what is known of its programs. Raises what `build` raises."""

@@ -51,7 +51,7 @@ def verify_contract(request: ContractRequest) -> int:
     """Judge, print, and return the exit code."""
     contract = load_contract(request.contract)
     with status("judging every edge"):
-        judged = _judged_program if is_program(request.file) else _judged_recording
+        judged = _judge_program if is_program(request.file) else _judge_recording
         verdict = judged(request, contract)
     if request.json:
         as_json({"file": str(request.file), "contract": contract.document.file} | verdict.to_json())
@@ -60,7 +60,7 @@ def verify_contract(request: ContractRequest) -> int:
     return 0 if verdict.accepted(request.partial) else 1
 
 
-def _judged_program(request: ContractRequest, contract: Contract) -> ContractVerdict:
+def _judge_program(request: ContractRequest, contract: Contract) -> ContractVerdict:
     program = read_program(request.file, request.device)
     board = request.chip.on(chip_of(program, request.device))
     clock = contract_clock(contract, program, request.clock_hz)
@@ -68,7 +68,7 @@ def _judged_program(request: ContractRequest, contract: Contract) -> ContractVer
     return judge_program(contract, program, clock, request.seconds, board, stimulus)
 
 
-def _judged_recording(request: ContractRequest, contract: Contract) -> ContractVerdict:
+def _judge_recording(request: ContractRequest, contract: Contract) -> ContractVerdict:
     if request.device is not None or request.chip.given:
         refuse_chip_options(request.file)
     for key, given in (("--stimulus", request.stimulus), ("--seconds", request.seconds)):

@@ -46,7 +46,7 @@ class WireOptions:
 def was_interrupted(run: Callable[[], object]) -> bool:
     """Drive, and return whether Ctrl-C, or a signal that is taken for it, ended it."""
     try:
-        with _ended_by_signals():
+        with _signals_end_drive():
             run()
     except KeyboardInterrupt:
         return True
@@ -68,7 +68,7 @@ def command_source(
 
 
 @contextmanager
-def _ended_by_signals() -> Iterator[None]:
+def _signals_end_drive() -> Iterator[None]:
     """End the drive at SIGTERM or a closed terminal as Ctrl-C does: the robot is stopped."""
     numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
     before = {number: signal.signal(number, signal.default_int_handler) for number in numbers}

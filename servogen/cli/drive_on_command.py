@@ -44,7 +44,7 @@ def drive_on_command(job: PlannedJob, wire: WireOptions, seconds: float | None, 
         source = stack.enter_context(command_source(True, wire.dry_run, *_keys(job)))
         twin = Twin(job)
         drive = CommandedDrive(
-            twin=twin, source=source, time=time, tell=_told(single, json), link=link, single_keys=single
+            twin=twin, source=source, time=time, tell=_printer(single, json), link=link, single_keys=single
         )
         interrupted = was_interrupted(lambda: drive.run(math.inf if seconds is None else seconds))
     if single and not json:
@@ -66,7 +66,7 @@ def _keys(job: PlannedJob) -> tuple[Keys, str]:
     return segment_keys(names), f"{digits}, space stops, q ends"
 
 
-def _told(single: bool, json: bool) -> Callable[[CommandedFrame], None]:
+def _printer(single: bool, json: bool) -> Callable[[CommandedFrame], None]:
     """Return a function that shows a frame: each on one line where keys are typed, else what is new."""
     shown: tuple[object, ...] | None = None
 

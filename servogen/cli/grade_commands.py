@@ -333,7 +333,7 @@ def _show(lab: Lab, graded: Sequence[Graded]) -> None:
     rows = []
     for result in graded:
         says = result.grade.reasons or [remark.sentence for remark in result.grade.remarks]
-        text = "\n".join(" ".join(line.strip() for line in one.splitlines()[:2]) for one in says)
+        text = "\n".join(" ".join(line.strip() for line in message.splitlines()[:2]) for message in says)
         verdict = "passed" if result.grade.passed else "NOT PASSED"
         results = outcomes(lab, result.grade)
         points = f"{number(total(results))} of {number(max_total(results))}"

@@ -33,7 +33,7 @@ def plan(
 ) -> None:
     """Show a job's motion without building it: frames, servos, horns, paths, pulse errors."""
     with status("planning"):
-        asked = _planned_with_horns(load(job), job, fit, sys.stderr if json else sys.stdout)
+        asked = _plan_with_horns(load(job), job, fit, sys.stderr if json else sys.stdout)
         played, made = nearest_pulses(asked)
         facts = plan_facts(played, made, engine=played is not asked)
     loaded, pulses, tracks = facts.job, facts.plan, facts.tracks
@@ -54,7 +54,7 @@ def plan(
             print(next_step("build", job))
 
 
-def _planned_with_horns(loaded: Job, file: Path, fit: bool, out: TextIO) -> PlannedJob:
+def _plan_with_horns(loaded: Job, file: Path, fit: bool, out: TextIO) -> PlannedJob:
     """Return a job's plan; with `fit` that with centred horns, which is written into its file and told
     on `out`.
 

@@ -109,7 +109,7 @@ def rig(
     for text in bench.fault or ():
         options = with_fault(options, text)
     with status(f"{loaded.name}: planning and compiling"):
-        schedule, program, second = (paired_rig if loaded.chips else _one)(loaded, hex_file)
+        schedule, program, second = (paired_rig if loaded.chips else _single_chip)(loaded, hex_file)
     levels = {pin_number(source.pin): source.level for source in schedule.inputs}
     levels.pop(options.serial_pin, None)
     ended = threading.Event()
@@ -135,7 +135,7 @@ def rig(
         terminals.serve(ended.is_set)
 
 
-def _one(job: PlannedJob, file: Path | None) -> tuple[PulseSchedule, Program, None]:
+def _single_chip(job: PlannedJob, file: Path | None) -> tuple[PulseSchedule, Program, None]:
     """Return a job's schedule and its program, or that in a file."""
     played = planned(job)
     program = read_program(file) if file else played_program(played)

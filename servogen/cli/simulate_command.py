@@ -69,14 +69,14 @@ def simulate(
     with progress("simulating", span) as tell, ExitStack() as stack:
         inputs = file_inputs(stimuli, clock)
         writers = [stack.enter_context(edge_writer(path, clock, inputs=inputs)) for path in paths]
-        reported = EdgeTrace(clock, _told(machine.stream(span), tell), span)
+        reported = EdgeTrace(clock, _with_progress(machine.stream(span), tell), span)
         changes = sum(len(chunk.cycle) for chunk in recorded(reported, writers).driven())
     state = machine.state()
     if files.trace:
         _write_trace(files.trace, program, clock, board, stimuli, span)
     if files.eeprom:
         _write_eeprom(files.eeprom, program, state)
-    spent = _profiled(program, clock, board, stimuli, span) if profile else None
+    spent = _profile_run(program, clock, board, stimuli, span) if profile else None
     if json:
         shown = {**state.to_json(), "edges": changes}
         as_json({**shown, **({"profile": spent.to_json()} if spent else {})}, state.warnings)
@@ -101,7 +101,7 @@ def _span(clock: Clock, seconds: float | None, cycles: int | None) -> Cycles:
     return clock.round_seconds(DEFAULT_SECONDS if seconds is None else seconds)
 
 
-def _told(chunks: Iterator[EdgeChunk], tell: Callable[[int], None]) -> Iterator[EdgeChunk]:
+def _with_progress(chunks: Iterator[EdgeChunk], tell: Callable[[int], None]) -> Iterator[EdgeChunk]:
     for chunk in chunks:
         if len(chunk.cycle):
             tell(int(chunk.cycle[-1]))
@@ -120,7 +120,7 @@ def _write_eeprom(path: Path, program: Program, state: MachineState) -> None:
     write_text(path, to_hex(replace(program.image, eeprom=dict(enumerate(state.eeprom)))))
 
 
-def _profiled(
+def _profile_run(
     program: Program, clock: Clock, board: SimulatorOptions, stimuli: Stimuli | None, span: Cycles
 ) -> Profile:
     return profiled(Machine(program.image, clock, board, stimuli), span, program.listing)

@@ -43,15 +43,15 @@ MIN_BIT_CYCLES = 4
 Number = int | float
 
 
-def _described(low: float, high: float, *, above: bool = False) -> WithJsonSchema:
+def _range_schema(low: float, high: float, *, above: bool = False) -> WithJsonSchema:
     """Return a range as the schema has it; pydantic leaves out those of numbers of two types."""
     return WithJsonSchema(
         {"type": "number", "exclusiveMinimum" if above else "minimum": low, "maximum": high}
     )
 
 
-Time = Annotated[Number, Field(ge=0, le=MAX_US), _described(0, MAX_US)]
-Percent = Annotated[Number, Field(ge=0, le=100), _described(0, 100)]
+Time = Annotated[Number, Field(ge=0, le=MAX_US), _range_schema(0, MAX_US)]
+Percent = Annotated[Number, Field(ge=0, le=100), _range_schema(0, 100)]
 Range = Annotated[tuple[Time, ...], Field(min_length=1, max_length=2)]
 """The least and the most; or the least alone."""
 
@@ -86,8 +86,8 @@ class SerialTable(Table):
     """A serial line on which the program sends bytes of 8 bits without parity."""
 
     pin: str
-    baud: Annotated[Number, Field(gt=0, le=10_000_000), _described(0, 10_000_000, above=True)]
-    tolerance_percent: Annotated[Number, Field(ge=0, le=5), _described(0, 5)] = 2
+    baud: Annotated[Number, Field(gt=0, le=10_000_000), _range_schema(0, 10_000_000, above=True)]
+    tolerance_percent: Annotated[Number, Field(ge=0, le=5), _range_schema(0, 5)] = 2
     idle: Literal["high", "low"] = "high"
     stop_bits: Annotated[int, Field(ge=1, le=2)] = 1
 
@@ -103,7 +103,7 @@ class CountTable(Table):
 
     event: str
     times: tuple[Annotated[int, Field(ge=0, le=MAX_TIMES)], Annotated[int, Field(ge=0, le=MAX_TIMES)]]
-    window_us: Annotated[Number, Field(gt=0, le=MAX_US), _described(0, MAX_US, above=True)]
+    window_us: Annotated[Number, Field(gt=0, le=MAX_US), _range_schema(0, MAX_US, above=True)]
 
 
 class EveryTable(Table):
@@ -199,15 +199,15 @@ class _Reader:
         self._clock = clock
 
     def clauses(self, tables: ContractFile) -> Iterator[Clause]:
-        yield from self._made("pulse", tables.pulse, self._pulse)
-        yield from self._made("response", tables.response, self._response)
-        yield from self._made("never", tables.never, self._never)
-        yield from self._made("serial", tables.serial, self._serial)
-        yield from self._made("order", tables.order, self._order)
-        yield from self._made("count", tables.count, self._count)
-        yield from self._made("every", tables.every, self._every)
+        yield from self._clauses("pulse", tables.pulse, self._pulse)
+        yield from self._clauses("response", tables.response, self._response)
+        yield from self._clauses("never", tables.never, self._never)
+        yield from self._clauses("serial", tables.serial, self._serial)
+        yield from self._clauses("order", tables.order, self._order)
+        yield from self._clauses("count", tables.count, self._count)
+        yield from self._clauses("every", tables.every, self._every)
 
-    def _made(self, kind: str, tables: Sequence[T], made: Callable[[T, Key], Made]) -> Iterator[Clause]:
+    def _clauses(self, kind: str, tables: Sequence[T], made: Callable[[T, Key], Made]) -> Iterator[Clause]:
         for number, table in enumerate(tables):
             key = (kind, number)
             yield Clause(*made(table, key), self._document.place(*key))
@@ -222,7 +222,7 @@ class _Reader:
             name: None if value is None else self._cycles(value, (*key, f"{name}_us"))
             for name, value in given.items()
         }
-        duty = self._ordered(table.duty_percent, (*key, "duty_percent"))
+        duty = self._least_and_most(table.duty_percent, (*key, "duty_percent"))
         part = None if duty is None else (exact(duty[0]) / 100, exact(duty[1]) / 100)
         pin = self._pin(table.pin, (*key, "pin"))
         said = [f"{name} {_range(value)} µs" for name, value in given.items() if value is not None]
@@ -280,7 +280,7 @@ class _Reader:
         return OrderObserver(events), f"order: {', '.join(map(str, events))}", "event"
 
     def _count(self, table: CountTable, key: Key) -> Made:
-        least, most = self._ordered(table.times, (*key, "times")) or (0, 0)
+        least, most = self._least_and_most(table.times, (*key, "times")) or (0, 0)
         window = floor(exact(table.window_us) / self._clock.cycle_us)
         if not window:
             raise self._error(key, "window_us", "is shorter than an instruction cycle")
@@ -308,7 +308,7 @@ class _Reader:
         except ValueError as error:
             raise self._document.error("bad-contract", key, str(error)) from None
 
-    def _ordered(self, given: Sequence[Number] | None, key: Key) -> tuple[Number, Number] | None:
+    def _least_and_most(self, given: Sequence[Number] | None, key: Key) -> tuple[Number, Number] | None:
         if given is None:
             return None
         least, most = given
@@ -322,7 +322,7 @@ class _Reader:
         """Return the whole cycles within a range of microseconds."""
         if len(given) == 1:
             return Limits(ceil(exact(given[0]) / self._clock.cycle_us))
-        self._ordered(given, key)
+        self._least_and_most(given, key)
         least, most = (exact(us) / self._clock.cycle_us for us in given)
         if ceil(least) > floor(most):
             cycle = float(self._clock.cycle_us)

@@ -191,16 +191,16 @@ class ResponseObserver:
         if most != NONE and not answered and most < self.held and self._undone(before, after):
             return (0, NONE, NONE)
         if most != NONE:
-            return self._answered(fewest) if answered else state
+            return self._after_answer(fewest) if answered else state
         come = self._come(come, before, after)
         if come < len(self.when):
             return (come, NONE, NONE)
-        return self._answered(0) if answered else (0, 0, 0)
+        return self._after_answer(0) if answered else (0, 0, 0)
 
     def _undone(self, before: int, after: int) -> bool:
         return bool((before ^ after) >> self.when[-1].pin & 1)
 
-    def _answered(self, fewest: int) -> State:
+    def _after_answer(self, fewest: int) -> State:
         if fewest < self.within.least:
             raise Broken(f"'{self.then}' comes after {fewest} cycles, not {self.within}")
         return (0, NONE, NONE)

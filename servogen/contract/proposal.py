@@ -60,7 +60,7 @@ def proposed_contract(trace: EdgeTrace, file: str, part: Fraction, *, from_reset
         *(table for pin in pins for table in _pulse(found.of(pin), PINS[pin], int(trace.end), margin)),
         *(_first(found.of(pin), PINS[pin], margin) for pin in pins if from_reset),
         *_order(found, pins),
-        *(_idle(pin) for pin in _driven_low(trace) if from_reset),
+        *(_idle(pin) for pin in _pins_driven_low(trace) if from_reset),
     ]
     return "\n".join([*head, *("\n" + table for table in tables)]) + "\n"
 
@@ -101,7 +101,7 @@ def _order(found: Pulses, pins: Sequence[int]) -> Iterator[str]:
             yield f"[[order]]\nevents = [{events}]"
 
 
-def _driven_low(trace: EdgeTrace) -> list[str]:
+def _pins_driven_low(trace: EdgeTrace) -> list[str]:
     """Return the pins that the program drives, and never high."""
     (chunk,) = trace.chunks
     high = set(chunk.pin[chunk.level == HIGH].tolist())

@@ -95,7 +95,7 @@ def next_stop(
     """
     while chip.now < end:
         stopping = None
-        for each in _met(chip, end, every, produced):
+        for each in _run_to_breakpoint(chip, end, every, produced):
             each.count += 1
             if each.message is not None:
                 log(each.printed(chip))
@@ -119,7 +119,7 @@ def going_back(chip: TimeMachine, every: Sequence[Armed]) -> Generator[None, Non
         chip.seek(begin)
         last: tuple[int, Armed] | None = None
         while chip.now < here:
-            met = _met(chip, min(here, chip.now + slice_), stops)
+            met = _run_to_breakpoint(chip, min(here, chip.now + slice_), stops)
             if met and chip.now < here:
                 last = int(chip.now), met[0]
             yield
@@ -133,7 +133,7 @@ def going_back(chip: TimeMachine, every: Sequence[Armed]) -> Generator[None, Non
     return None
 
 
-def _met(
+def _run_to_breakpoint(
     chip: TimeMachine, end: int, every: Sequence[Armed], produced: list[EdgeChunk] | None = None
 ) -> list[Armed]:
     """Run to the first breakpoint, or to `end`; return those there whose conditions hold."""

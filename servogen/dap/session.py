@@ -208,7 +208,7 @@ class DebugSession:
                 self.stay()
             body = self._requests[command](given if isinstance(given, dict) else {})
         except (ServogenError, ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-            text = _told(error) if isinstance(error, ServogenError) else f"a wrong argument: {error!r}"
+            text = _error_text(error) if isinstance(error, ServogenError) else f"a wrong argument: {error!r}"
             answer |= {"success": False, "message": text, "body": _error(text)}
         else:
             if self._elsewhere is not None:
@@ -696,7 +696,7 @@ def _line(given: Body) -> Body:
     return {"line": given["line"]} if "line" in given else {}
 
 
-def _told(error: ServogenError) -> str:
+def _error_text(error: ServogenError) -> str:
     place = f"{error.location.file}: " if error.location and error.location.file else ""
     return f"{place}{error.message}" + (f" ({error.hint})" if error.hint else "")
 

@@ -251,11 +251,11 @@ def writing_addresses(conditions: Sequence[AtCondition | AtChange], image: Image
     if not bytes_of:
         return frozenset()
     reached = {*bytes_of, INDIRECT}
-    return frozenset(address for address, word in image.program.items() if _written(word) in reached)
+    return frozenset(address for address, word in image.program.items() if _written_address(word) in reached)
 
 
 @cache  # of at most 2^14 words; a way back asks anew every few milliseconds of the chip
-def _written(word: int) -> int | None:
+def _written_address(word: int) -> int | None:
     """Return the address of the file register that an instruction writes; None: it writes none."""
     decoded = decode(word)
     return decoded.f if decoded is not None and decoded.instruction.writes_file(decoded.d) else None

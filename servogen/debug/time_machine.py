@@ -398,12 +398,12 @@ class TimeMachine:
 
     def _on(self, cycle: int) -> Iterator[None]:
         """Run to the first moment that is not before `cycle` in steps, over whole repetitions at once."""
-        yield from self._repeated(cycle)
+        yield from self._skip_loops(cycle)
         while self.now < cycle:
             self.run(min(cycle, self.now + self._stride), toward=cycle)
             yield
 
-    def _repeated(self, cycle: int) -> Iterator[None]:
+    def _skip_loops(self, cycle: int) -> Iterator[None]:
         """Go on towards a far `cycle`, from loop to loop, until the state has come back; then over whole
         repetitions.
         """
@@ -412,7 +412,7 @@ class TimeMachine:
         length = self._loop * max(1, self.clock.round_seconds(STRIDE_S) // self._loop)
         seen: dict[bytes, int] = {}
         moments: list[tuple[int, Snapshot]] = []
-        while self._undisturbed(cycle) - self.now > FAR * length and len(moments) < LOOPS:
+        while self._until_input(cycle) - self.now > FAR * length and len(moments) < LOOPS:
             here = int(self.now), self.machine.snapshot()
             moments.append(here)
             first = seen.setdefault(self.machine.fingerprint(), len(moments) - 1)
@@ -448,11 +448,11 @@ class TimeMachine:
         self._keep()
         return True
 
-    def _undisturbed(self, cycle: int) -> int:
+    def _until_input(self, cycle: int) -> int:
         """Return `cycle`, or the next input if that comes first."""
         return min([cycle, *(each.cycle for each in self._inputs[self._applied : self._applied + 1])])
 
-    def _observed(self, end: int, limit: int) -> Rows:
+    def _observe(self, end: int, limit: int) -> Rows:
         """Run to `end`, or until `limit` instructions are executed, and return their rows."""
         parts: list[Rows] = []
         left = limit
@@ -469,7 +469,7 @@ class TimeMachine:
         return np.concatenate(parts) if parts else np.zeros((0, 4), dtype=np.int64)
 
     def _forward(self, count: int) -> int:
-        return len(self._observed(self.now + self.clock.round_seconds(ASLEEP_S), count))
+        return len(self._observe(self.now + self.clock.round_seconds(ASLEEP_S), count))
 
     def _rows_before(self, end: int) -> Iterator[Rows]:
         """Yield the instructions before `end`, from one snapshot to the next, the latest ones first."""
@@ -479,7 +479,7 @@ class TimeMachine:
             place = bisect_left(self.kept, end) - 1
             begin = self.kept[place]
             self._restore(place)
-            yield self._observed(end, end - begin + 1)
+            yield self._observe(end, end - begin + 1)
             end = begin
 
     def _back(self, count: int) -> int:
@@ -487,7 +487,7 @@ class TimeMachine:
         begin = end - NEAR - NEAR * count
         if begin > 0:  # most often the instructions take one or two cycles each
             self.seek(begin)
-            rows = self._observed(end, end)
+            rows = self._observe(end, end)
             if len(rows) >= count:
                 self.seek(int(rows[-count, 0]))
                 return count

@@ -99,7 +99,7 @@ class Twin:
         assert job.commands is not None
         self._read = job.commands
         schedule, firmware, self._playing = _playing(job)
-        self.stimulus = _stimulus_of(job, self._read, int(schedule.period))
+        self.stimulus = _idle_stimulus(job, self._read, int(schedule.period))
         self.chip = VirtualChip(
             firmware.compilation.image, job.clock, board_of(schedule), stimulus=self.stimulus
         )
@@ -228,7 +228,7 @@ def _places(firmware: Firmware, *names: str) -> Iterator[int]:
         yield address - RAM_FIRST
 
 
-def _stimulus_of(job: PlannedJob, read: Commander, period: int) -> LineStimulus | HeldButtons:
+def _idle_stimulus(job: PlannedJob, read: Commander, period: int) -> LineStimulus | HeldButtons:
     """Return the line at rest, or the buttons, none of them pressed."""
     if isinstance(read, CommandLine):
         return LineStimulus(PINS.index(read.pin), line_baud(job))

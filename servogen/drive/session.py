@@ -121,7 +121,7 @@ class DriveSession:
         self._begun = self._last = self.time.now()
         moment = 0.0
         try:
-            while (angles := self._commanded(motion, moment)) is not None:
+            while (angles := self._commanded_angles(motion, moment)) is not None:
                 try:
                     if self._known:
                         self._follow(angles)
@@ -137,7 +137,7 @@ class DriveSession:
             self.summary.moving_s = self.summary.seconds - self._held_s
         return self.summary
 
-    def _commanded(self, motion: AngleFunction, moment: float) -> Floats | None:
+    def _commanded_angles(self, motion: AngleFunction, moment: float) -> Floats | None:
         """Carry out the commands given until `moment` and return the angles then; None if the drive is
         over.
         """
@@ -177,7 +177,7 @@ class DriveSession:
         if changed:
             self.summary.rounds += 1
         elif begin - self._last >= self.controller.refresh_s:
-            changed = self._refreshed()
+            changed = self._next_refresh()
         if not changed:
             self.time.sleep(POLL_S)
             return
@@ -185,7 +185,7 @@ class DriveSession:
         self.summary.slowest_s = max(self.summary.slowest_s, self._last - begin)
         self.line.drain()  # so that the next sample is no older than the time it takes to send it
 
-    def _refreshed(self) -> list[tuple[int, int]]:
+    def _next_refresh(self) -> list[tuple[int, int]]:
         """Return the servo that is refreshed next, with the position last sent to it."""
         known = [(index, p) for index, p in enumerate(self._sent) if p is not None]
         self._turn += 1

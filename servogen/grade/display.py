@@ -73,7 +73,7 @@ def page_names(names: Sequence[str]) -> list[str]:
         f"{page}.md"
         if count[unicodedata.normalize("NFKC", page).casefold()] == 1
         and len(os.fsencode(page)) <= MAX_NAME_BYTES
-        else f"{_shortened(page)}~{hashlib.sha256(os.fsencode(name)).hexdigest()[:32]}.md"
+        else f"{_shorten(page)}~{hashlib.sha256(os.fsencode(name)).hexdigest()[:32]}.md"
         for name, page in zip(names, plain, strict=True)
     ]
 
@@ -84,7 +84,7 @@ def _page_name(name: str) -> str:
     )
 
 
-def _shortened(name: str) -> str:
+def _shorten(name: str) -> str:
     return os.fsencode(name)[: MAX_NAME_BYTES // 2].decode("utf-8", "ignore")
 
 

@@ -234,7 +234,7 @@ def _judge_solution(
     return Grade(
         lab=lab.name,
         faults=faults,
-        unchecked=(*_unchecked(solution, settled, right), *([Check.CHIPS] if faults else [])),
+        unchecked=(*_unseen_visits(solution, settled, right), *([Check.CHIPS] if faults else [])),
         remarks=tuple(_remarks(lab, solution, watched, numbers, pins, chip)),
         pins=tuple((servo.servo.name, name) for servo, name in zip(lab.servos, names, strict=True)),
         rows=tuple(_rows(solution, watched, pins, right, len(lab.servos))),
@@ -265,7 +265,7 @@ def _in_order(
     return settled, placed, False
 
 
-def _unchecked(solution: Solution, stops: Sequence[Visit], right: Sequence[Stay]) -> Iterator[Check]:
+def _unseen_visits(solution: Solution, stops: Sequence[Visit], right: Sequence[Stay]) -> Iterator[Check]:
     """Yield the checks for which too few visits were seen."""
     positions = frozenset(range(len(solution.positions)))
     whole = {stay.position for stay in right if stay.whole}

@@ -91,7 +91,7 @@ def _table(grade: Grade) -> Iterator[str]:
             _range(row.periods_ms, "ms", 2),
             _range(row.stays_s, "s", 2),
             _range(row.silent_s, "s", 2),
-            _required(row),
+            _requirement(row),
         )
         yield f"| {' | '.join(cells)} |"
 
@@ -104,7 +104,7 @@ def _range(ends: tuple[float, float] | None, unit: str, digits: int) -> str:
     return f"{low}{space}{unit}" if low == high else f"{low} to {high}{space}{unit}"
 
 
-def _required(row: Row) -> str:
+def _requirement(row: Row) -> str:
     return "–" if row.pause_s is None else f"{row.pause_s:g} s"
 
 

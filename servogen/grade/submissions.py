@@ -139,7 +139,7 @@ class _Search:
         submissions = []
         for student in students:
             warned = len(self.warnings)
-            files = self._of(student)
+            files = self._programs_in(student)
             if not (files or above or student.name.startswith(".") or len(self.warnings) > warned):
                 self._warn(student, "not graded: it holds no program")
             submissions += [self._submission(file, student.resolve()) for file in files]
@@ -153,7 +153,7 @@ class _Search:
     def _submission(self, file: Path, owner: Path | None) -> Submission:
         return Submission(file.relative_to(self.folder).as_posix(), file, owner)
 
-    def _of(self, student: Path) -> list[Path]:
+    def _programs_in(self, student: Path) -> list[Path]:
         """Return the programs in a student's folder, at any depth."""
         programs: list[Path] = []
         waiting, searched = [student], 0

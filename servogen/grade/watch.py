@@ -229,7 +229,7 @@ def _through(stops: Sequence[Visit], longest: int) -> list[Visit]:
 def _parts(visit: Visit) -> list[Visit]:
     starts = [0]
     for index, (before, after) in enumerate(pairwise(visit.commanded), 1):
-        if any(abs(one - other) > JUMP_RAD for one, other in zip(before.angles, after.angles, strict=True)):
+        if any(abs(old - new) > JUMP_RAD for old, new in zip(before.angles, after.angles, strict=True)):
             starts.append(index)
     cycles = [*(visit.commanded[start].cycle for start in starts[1:]), visit.end]
     return [
@@ -238,6 +238,6 @@ def _parts(visit: Visit) -> list[Visit]:
     ]
 
 
-def _between(angles: Sequence[float], one: Sequence[float], other: Sequence[float]) -> bool:
-    ends = zip(one, other, strict=True)
+def _between(angles: Sequence[float], start: Sequence[float], stop: Sequence[float]) -> bool:
+    ends = zip(start, stop, strict=True)
     return all(min(pair) <= angle <= max(pair) for angle, pair in zip(angles, ends, strict=True))

@@ -59,7 +59,9 @@ def chips_of(document: Document, rows: Sequence[ServoTable]) -> tuple[PairedChip
                 "write the same in both",
             )
     names = [row.name for row in rows]
-    lists = _dealt(rows) if first.servos is None and second.servos is None else (first.servos, second.servos)
+    lists = (
+        _by_chip(rows) if first.servos is None and second.servos is None else (first.servos, second.servos)
+    )
     for index, (mine, others) in enumerate(zip(lists, reversed(lists), strict=True)):
         where = ("chip", index, "servos")
         if mine is None:
@@ -117,7 +119,7 @@ def _restart(
     return second.restart
 
 
-def _dealt(rows: Sequence[ServoTable]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _by_chip(rows: Sequence[ServoTable]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the servos of each chip: the second one's begin with the first whose pin is in use."""
     pins: set[str] = set()
     for index, row in enumerate(rows):

@@ -190,7 +190,7 @@ def _ending(
     A contour should end where it began, routines where they lead.
     """
     columns = zip(wheels, planned.trajectory.angles.T, strict=True)
-    speeds = np.stack([_achieved(servo, column, clock) for servo, column in columns], axis=1)
+    speeds = np.stack([_achieved_speeds(servo, column, clock) for servo, column in columns], axis=1)
     period_s = float(clock.seconds(planned.trajectory.period))
     asked = positions(base, planned.trajectory.angles, period_s)[-1]
     end = positions(base, speeds, period_s)[-1]
@@ -206,7 +206,7 @@ def _ending(
     return Diagnostic("note", "closing", text, document.place("drive"))
 
 
-def _achieved(servo: Servo, speeds: Floats, clock: Clock) -> Floats:
+def _achieved_speeds(servo: Servo, speeds: Floats, clock: Clock) -> Floats:
     """Return the speeds in rad/s that result from pulses of whole cycles."""
     distinct, back = np.unique(speeds, return_inverse=True)
     given = [

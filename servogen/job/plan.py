@@ -56,28 +56,28 @@ def plan_job(
     mirrors = unlike_mirrors(whole.servos, whole.followers)
     return PlannedJob(
         **{**values, "section": section},
-        trajectory=_of_all(whole, planned.trajectory),
+        trajectory=_whole_motion(whole, planned.trajectory),
         poses=tuple(
-            replace(pose, angles=tuple(_followed(whole, np.array(pose.angles)).tolist())) for pose in poses
+            replace(pose, angles=tuple(_all_angles(whole, np.array(pose.angles)).tolist())) for pose in poses
         ),
         warnings=(*planned.warnings, *_overloads(whole, job, planned), *_unlike_their_side(job), *mirrors),
         notes=(*(whole.robot.notes if isinstance(whole.robot, Arm) else ()), *planned.notes),
-        directions=tuple(replace(each, angles=_followed(whole, each.angles)) for each in directions),
+        directions=tuple(replace(each, angles=_all_angles(whole, each.angles)) for each in directions),
         parts=planned.parts,
     )
 
 
-def _followed(job: Job, angles: Floats) -> Floats:
+def _all_angles(job: Job, angles: Floats) -> Floats:
     """Return the angles (…, servos) of all servos; those given are without the servos that follow another."""
     return followed(angles, job.servos, job.followers) if job.followers else angles
 
 
-def _of_all(job: Job, motion: JointTrajectory) -> JointTrajectory:
+def _whole_motion(job: Job, motion: JointTrajectory) -> JointTrajectory:
     """Return the motion of all servos, from that of those which follow none."""
     if not job.followers:
         return motion
     names = tuple(servo.name for servo in job.servos)
-    return replace(motion, joints=names, angles=_followed(job, motion.angles))
+    return replace(motion, joints=names, angles=_all_angles(job, motion.angles))
 
 
 SIDE = 3
@@ -99,8 +99,8 @@ def _unlike_their_side(job: Job) -> Iterator[Diagnostic]:
                 side = mount.y < 0, name.removeprefix(f"{mount.name}_")
                 sides.setdefault(side, []).append((servo, servo.reverse != (ratio < 0)))
     for (right, joint), members in sides.items():
-        for servo, way in members:
-            others = [other for other, its in members if its != way]
+        for servo, reverses in members:
+            others = [other for other, its in members if its != reverses]
             if len(members) >= SIDE and len(others) == len(members) - 1:
                 named = " and ".join(other.name for other in others)
                 yield Diagnostic(

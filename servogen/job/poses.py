@@ -100,14 +100,14 @@ class _Reader:
             states: list[tuple[_State, _FollowedPath | None]] = [(state, None)]
             try:
                 for index in range(first + 1, end):
-                    states.append(self._arrived(index, states[-1][0]))
+                    states.append(self._state_along_path(index, states[-1][0]))
             except (ChangesBranch, LeavesReach) as error:
                 refused.append(error)
             else:
                 return states
         raise refused[0]
 
-    def _arrived(self, index: int, before: _State) -> tuple[_State, _FollowedPath | None]:
+    def _state_along_path(self, index: int, before: _State) -> tuple[_State, _FollowedPath | None]:
         """Return the state of a pose that is reached along a path, and the path."""
         state = self.states(index, before)[0]
         path = self.path(index, before, state)
@@ -120,7 +120,7 @@ class _Reader:
             raise self.document.error(
                 "pose-keys", (*key, "through_mm"), "only an arc goes through a point", 'add path = "arc"'
             )
-        named = self._named(key, row)
+        named = self._stated_angles(key, row)
         orientation = before.orientation
         if row.orientation_deg is not None:
             if row.tip_mm is None:
@@ -207,7 +207,7 @@ class _Reader:
     def _vector(self, state: _State) -> tuple[float, ...]:
         return tuple(state.angles[servo.name] for servo in self.servos)
 
-    def _named(self, key: Key, row: PoseTable) -> dict[str, float]:
+    def _stated_angles(self, key: Key, row: PoseTable) -> dict[str, float]:
         """Return the angles in radians that a pose states for servos by name."""
         by_key = {_key_of(servo): servo for servo in self.servos}
         by_width = {servo.name + WIDTH: servo for servo in self.servos}
@@ -304,7 +304,7 @@ class _FollowedPath:
         """Return the servos' angles at shares of the path. Raises ChangesBranch."""
         columns, branch = list(self.columns), self._branch
         if np.abs(branch.end - self.end[columns]).max() > SMALL:
-            here, there = self._shown(branch.end), self._shown(self.end[columns])
+            here, there = self._angles_text(branch.end), self._angles_text(self.end[columns])
             point = _triple(self.path.point(np.array([1.0]))[0])
             raise ChangesBranch(1.0, point, (here, there), self.place, OFF_THE_PATH)
         followed = branch.followed(shares, self.tip.where)
@@ -326,12 +326,12 @@ class _FollowedPath:
     @cached_property
     def _branch(self) -> Branch:
         start = self.start[list(self.columns)]
-        return trace(self.path, self._solutions, start, self._shown, self.place, OFF_THE_PATH)
+        return trace(self.path, self._solutions, start, self._angles_text, self.place, OFF_THE_PATH)
 
     def _solutions(self, shares: Floats, near: Floats) -> Floats:
         return self.tip.solutions(self.path.point(shares), shares, self.turn, near)
 
-    def _shown(self, angles: Floats) -> str:
+    def _angles_text(self, angles: Floats) -> str:
         named = zip(self.tip.servos, np.degrees(angles).tolist(), strict=True)
         return ", ".join(f"{servo.name} {angle:z.1f}°" for servo, angle in named)
 

@@ -109,7 +109,7 @@ def _on_servos(job: Job, arm: Arm) -> Arm:
             servo = by_joint[joint.name].servo
             raise document.error(
                 "servo-limit",
-                ("servo", [one.name for one in job.servos].index(servo), "zero_deg"),
+                ("servo", [job_servo.name for job_servo in job.servos].index(servo), "zero_deg"),
                 f"{servo} cannot bring {joint.name} to its home of {joint.shown(joint.home)}: "
                 f"it reaches {joint.shown(joint.lower)} to {joint.shown(joint.upper)}",
                 "a program begins at home: change zero_deg or ratio",

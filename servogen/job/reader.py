@@ -134,8 +134,8 @@ def _buttons(
                 f"the {table.engine} engine does not read buttons",
                 'write engine = "player"',
             )
-        taken = _taken(servos, stated) | {button.pin: name for name, button in buttons.items()}
-        check_free(document, where, pin, taken, "a button needs a pin of its own")
+        in_use = _used_pins(servos, stated) | {button.pin: name for name, button in buttons.items()}
+        check_free(document, where, pin, in_use, "a button needs a pin of its own")
         turning = next((servo.name for servo in servos if servo.model.continuous), None)
         if name == "stop" and table.stop_pulses == "hold" and turning is not None:
             raise document.error(
@@ -194,10 +194,10 @@ def _commands(
             f"a {key[0]} has either {named[0]} or {named[1]}",
             "remove one",
         )
-    taken = _taken(servos, stated)
+    in_use = _used_pins(servos, stated)
     if asked.button is not None:
         where = (*key, "button")
-        check_free(document, where, asked.button, taken, OWN_PIN)
+        check_free(document, where, asked.button, in_use, OWN_PIN)
         return CommandButton(
             ButtonPin(asked.button, int(asked.button_level == "high"), document.place(*where)), key[0]
         )
@@ -207,15 +207,15 @@ def _commands(
         else:
             pins = _chosen_pins(document, asked)
         level = int(asked.button_level == "high")
-        return CommandButtons(dict(_named_buttons(document, (*key, "buttons"), pins, level, taken)))
+        return CommandButtons(dict(_named_buttons(document, (*key, "buttons"), pins, level, in_use)))
     if "button_level" in document.data[key[0]]["commands"]:
         raise document.error("missing-key", (*key, "button_level"), "there are no buttons")
     pin = "RA4" if asked.pin is None else asked.pin
-    check_free(document, (*key, "pin"), pin, taken, OWN_PIN)
+    check_free(document, (*key, "pin"), pin, in_use, OWN_PIN)
     return CommandLine(pin) if isinstance(asked, CommandsTable) else CommandLine(pin, _codes(document, asked))
 
 
-def _taken(servos: Sequence[Servo], stated: Mapping[str, EngineInput]) -> dict[str, str]:
+def _used_pins(servos: Sequence[Servo], stated: Mapping[str, EngineInput]) -> dict[str, str]:
     """Return what is on the pins of servos and of the EEPROM."""
     tape = given(stated.values(), Tape)
     return {servo.pin: servo.name for servo in servos} | (tape.pins if tape else {})
@@ -287,10 +287,10 @@ def _codes(document: Document, asked: MotionCommandsTable) -> dict[str, str]:
 
 
 def _named_buttons(
-    document: Document, key: Key, pins: Mapping[str, str], level: int, taken: Mapping[str, str]
+    document: Document, key: Key, pins: Mapping[str, str], level: int, in_use: Mapping[str, str]
 ) -> Iterator[tuple[str, ButtonPin]]:
     """Yield the buttons of directions or segments by name. Raises InputError."""
-    used = dict(taken)
+    used = dict(in_use)
     for name, pin in pins.items():
         check_free(document, (*key, name), pin, used, OWN_PIN)
         used[pin] = f"the button of {name}"
@@ -373,14 +373,14 @@ def _job(document: Document) -> Job:
         frame=frame,
         firmware=firmware,
         inputs=inputs,
-        section=_section(document, table, needed=not _moved(inputs)),
+        section=_section(document, table, needed=not _inputs_move(inputs)),
         supply=table.supply,
         sensors=_sensors(document, table, rig.robot, servos),
         expect=_expect(document, table),
     )
 
 
-def _moved(inputs: Sequence[EngineInput]) -> bool:
+def _inputs_move(inputs: Sequence[EngineInput]) -> bool:
     """Return whether positions come from one of the inputs."""
     moving = {section.kind for section in sections().values() if section.moves}
     return any(each.kind in moving for each in inputs)
@@ -413,15 +413,15 @@ def _sensors(
     """
     legs = [limb.name for limb in robot.limbs] if robot else []
     joints = [name for limb in robot.limbs for name in limb.joints] if robot else []
-    taken = {servo.pin: servo.name for servo in servos}
+    in_use = {servo.pin: servo.name for servo in servos}
     for index, row in enumerate(table.sensor):
         key = ("sensor", index)
         document.check_known("unknown-pin", (*key, "pin"), row.pin, PINS, f"unknown pin '{row.pin}'")
-        if row.pin in taken:
+        if row.pin in in_use:
             raise document.error(
-                "pin-in-use", (*key, "pin"), f"{row.pin} is in use: {taken[row.pin]}", "use another pin"
+                "pin-in-use", (*key, "pin"), f"{row.pin} is in use: {in_use[row.pin]}", "use another pin"
             )
-        taken[row.pin] = f"sensor[{index + 1}]"
+        in_use[row.pin] = f"sensor[{index + 1}]"
         names = {"foot": legs, "end-stop": joints, "stall": []}[row.kind]
         if row.kind != "stall" and row.of not in names:
             part = "leg" if row.kind == "foot" else "joint"

@@ -100,14 +100,14 @@ class LegTip:
                 self.leg.ik(point)
             except Unreachable as error:
                 raise error.at(place) from error
-        return _sorted(self._of(near[None])[0], self.servos, before, point, place)
+        return _allowed_solutions(self._angles_at(near[None])[0], self.servos, before, point, place)
 
     def solutions(
         self, points: Floats, shares: Floats, turn: tuple[Floats, Floats] | None, near: Floats
     ) -> Floats:
         """Return all servo angles (n, solutions, 2) for points (n, 3), NaN where there is no solution."""
         reached = np.array([self.leg.nearest(point) for point in points])
-        angles = self._of(reached)
+        angles = self._angles_at(reached)
         angles[np.linalg.norm(reached - points, axis=1) > self.tolerance] = np.nan
         return _within(angles, self.servos)
 
@@ -118,7 +118,7 @@ class LegTip:
         )
         return self.leg.fk(alpha, beta)
 
-    def _of(self, points: Floats) -> Floats:
+    def _angles_at(self, points: Floats) -> Floats:
         joints = self.leg.solve(points, NEAR_SURFACE_M)
         joints[self.beta_sign * joints[..., 1] < 0] = np.nan
         return np.stack(
@@ -166,7 +166,7 @@ class ArmTip:
                 raise why_unreachable(self.arm, point, turn).at(place) from None
         except InputError as error:
             raise error.at(place) from error
-        return _sorted(self._bound(joints), self.servos, before, point, place)
+        return _allowed_solutions(self._to_servos(joints), self.servos, before, point, place)
 
     def solutions(
         self, points: Floats, shares: Floats, turn: tuple[Floats, Floats] | None, near: Floats
@@ -174,13 +174,13 @@ class ArmTip:
         """Return all servo angles (n, solutions, k) for points (n, 3), NaN where there is no solution."""
         rotations = None if turn is None else rotations_between(self.arm, points, *turn, shares)
         angles = solutions_near(self.on_servos, points, rotations, joint_positions(self.bindings, near))
-        return _within(self._bound(angles), self.servos)
+        return _within(self._to_servos(angles), self.servos)
 
     def where(self, angles: Floats) -> Floats:
         """Return the positions of the tool (n, 3) at servo angles (n, k)."""
         return fk_position(self.arm, joint_positions(self.bindings, angles))
 
-    def _bound(self, joints: Floats) -> Floats:
+    def _to_servos(self, joints: Floats) -> Floats:
         return np.stack(
             [binding.servo_angle(joints[..., column]) for column, binding in enumerate(self.bindings)],
             axis=-1,
@@ -195,7 +195,7 @@ def _within(angles: Floats, servos: Sequence[Servo]) -> Floats:
     return np.where(allowed[..., None], angles, np.nan)
 
 
-def _sorted(
+def _allowed_solutions(
     angles: Floats, servos: Sequence[Servo], before: Floats, point: Floats, place: Location
 ) -> Floats:
     """Return the solutions (s, k) that the servos allow, sorted by the largest move of any servo."""

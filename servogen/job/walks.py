@@ -55,23 +55,23 @@ def walk_of(
     walker = _walker(job, table, limits)
     segments = [_segment(row.forward_mm, row.left_mm, row.turn_deg, row.cycles) for row in table.route]
     planned = walker.walk(segments, others, walker.frames)
-    trajectory = _ended(_bound(document, planned.trajectory, job.bindings), table)
+    trajectory = _with_end(_to_servos(document, planned.trajectory, job.bindings), table)
     heavy = tuple(_overloads(walker.robot, planned, job.bindings, job.servos))
     return PlannedPoses(
         trajectory,
         warnings=(*heavy, *_walk_warnings(document, planned)),
         notes=tuple(_notes(job, planned)),
         parts=tuple(
-            Part(f"segment {number} ({_way(row)})", begin)
+            Part(f"segment {number} ({_segment_text(row)})", begin)
             for number, (row, begin) in enumerate(zip(table.route, planned.begins, strict=True), 1)
         ),
     )
 
 
-def _way(row: SegmentTable) -> str:
+def _segment_text(row: SegmentTable) -> str:
     """Return the keys of a segment of a route that are not 0."""
-    ways = (("forward_mm", row.forward_mm), ("left_mm", row.left_mm), ("turn_deg", row.turn_deg))
-    return ", ".join(f"{key} = {value:g}" for key, value in ways if value) or "standing"
+    moves = (("forward_mm", row.forward_mm), ("left_mm", row.left_mm), ("turn_deg", row.turn_deg))
+    return ", ".join(f"{key} = {value:g}" for key, value in moves if value) or "standing"
 
 
 MAX_COMMANDED_CYCLES = 12
@@ -110,7 +110,7 @@ def walk_on_command(
         endless = walker.even_walk(segment, others)
         count = endless.frames_per_cycle
         walks_of_cycles = (
-            _bound(
+            _to_servos(
                 document,
                 walker.walk([replace(segment, cycles=float(cycles))], others, count).trajectory,
                 job.bindings,
@@ -118,7 +118,7 @@ def walk_on_command(
             # A generator, because the shortest walk that contains a start, a cycle and a stop is enough.
             for cycles in range(1, MAX_COMMANDED_CYCLES)
         )
-        planned = _bound(document, endless.trajectory, job.bindings)
+        planned = _to_servos(document, endless.trajectory, job.bindings)
         try:
             direction = commanded_direction(
                 names[0], planned.angles, planned.loop_start, (walked.angles for walked in walks_of_cycles)
@@ -303,7 +303,9 @@ def posture_of(table: WalkTable) -> Posture:
     )
 
 
-def _bound(document: Document, trajectory: JointTrajectory, bindings: tuple[Binding, ...]) -> JointTrajectory:
+def _to_servos(
+    document: Document, trajectory: JointTrajectory, bindings: tuple[Binding, ...]
+) -> JointTrajectory:
     missing = [joint for joint in trajectory.joints if joint not in [binding.joint for binding in bindings]]
     if missing:
         raise document.error(
@@ -318,7 +320,7 @@ def _bound(document: Document, trajectory: JointTrajectory, bindings: tuple[Bind
         raise error.at(document.place("walk")) from error
 
 
-def _ended(trajectory: JointTrajectory, table: WalkTable) -> JointTrajectory:
+def _with_end(trajectory: JointTrajectory, table: WalkTable) -> JointTrajectory:
     """Return a walk that does not repeat with its end: the robot stands, or its servos are released."""
     if table.repeat:
         return trajectory
@@ -342,7 +344,7 @@ def _notes(job: Job, planned: Walk) -> list[Diagnostic]:
             "note",
             "cycle",
             f"a cycle takes {planned.frames_per_cycle} frames, {seconds:.6g} s{planned.stretched_text()}"
-            f"{_held_by(document, planned, job.bindings)}",
+            f"{_limit_text(document, planned, job.bindings)}",
             place,
         ),
         *(Diagnostic("note", "phase", change.text(), place) for change in planned.changes),
@@ -369,7 +371,7 @@ def _yielding(planned: Walk, place: Location) -> Iterator[Diagnostic]:
         yield Diagnostic("note", "spring", text, place)
 
 
-def _held_by(document: Document, planned: Walk, bindings: Sequence[Binding]) -> str:
+def _limit_text(document: Document, planned: Walk, bindings: Sequence[Binding]) -> str:
     """Return in words what holds the shortest cycle back; empty if the job states a time."""
     if planned.tightest is None or "cycle_s" in document.data["walk"]:
         return ""

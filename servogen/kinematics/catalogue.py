@@ -37,7 +37,7 @@ def robot(name: str) -> Robot:
     """
     path, tip = file_of(name)
     if path is None:
-        return _catalogued(name)
+        return _catalogue_robot(name)
     return _urdf(path, tip) if path.name.lower().endswith(URDF) else robot_of(toml_file.read(path))
 
 
@@ -94,13 +94,13 @@ def robot_of(document: Document) -> Robot:
         """Return the robot of `like`: of the catalogue, or a URDF file beside this one."""
         path, tip = file_of(other)
         if path is None or not path.name.lower().endswith(URDF):
-            return _catalogued(other)
+            return _catalogue_robot(other)
         return _urdf(Path(document.file).parent / path, tip)
 
     return kind.read(document, toml_file.validate(document, kind.table), find)
 
 
-def _catalogued(name: str) -> Robot:
+def _catalogue_robot(name: str) -> Robot:
     """Return the catalogue's robot with a short name or an alias. Raises InputError."""
     entries = _files()
     short = name.lower().replace("_", "-")

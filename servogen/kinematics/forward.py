@@ -90,11 +90,11 @@ def row_axes(arm: Arm, q: ArrayLike) -> tuple[tuple[RowAxis, ...], Floats]:
     for row in arm.rows:
         direction, point = chain.advance(arm, row, joints)
         if row.joint is not None:
-            lines.append(RowAxis(row, _stacked(direction, q.shape[:-1]), _stacked(point, q.shape[:-1])))
+            lines.append(RowAxis(row, _as_array(direction, q.shape[:-1]), _as_array(point, q.shape[:-1])))
     chain.follow(frame_matrix(arm.tool))
     pose = np.zeros((*q.shape[:-1], 4, 4))
     for column, vector in enumerate((*chain.axes(), chain.origin)):
-        pose[..., :3, column] = _stacked(vector, q.shape[:-1])
+        pose[..., :3, column] = _as_array(vector, q.shape[:-1])
     pose[..., 3, 3] = 1.0
     return tuple(lines), pose
 
@@ -112,7 +112,7 @@ def link_frames(arm: Arm, q: ArrayLike) -> Floats:
         elif index > 0:
             chain.advance(arm, arm.rows[index - 1], joints)
         for column, vector in enumerate((*chain.axes(), chain.origin)):
-            frames[..., index, :3, column] = _stacked(vector, q.shape[:-1])
+            frames[..., index, :3, column] = _as_array(vector, q.shape[:-1])
     return frames
 
 
@@ -166,16 +166,16 @@ class Chain:
             self.turn = _plus(self.turn, theta)
             self._cos_sin = _cos_sin(self.turn)
             self._x_turned = None
-        self.origin = _vector_plus(self.origin, _scaled(self.z, d))
+        self.origin = _vector_plus(self.origin, _vector_times(self.z, d))
 
     def _move_along_x(self, a: float) -> None:
         if a != 0.0:
-            self.origin = _vector_plus(self.origin, _scaled(self._turned_x(), a))
+            self.origin = _vector_plus(self.origin, _vector_times(self._turned_x(), a))
 
     def _turned_x(self) -> Vector:
         if self._x_turned is None:
             cosine, sine = self._cos_sin
-            self._x_turned = _vector_plus(_scaled(self.x, cosine), _scaled(self.y, sine))
+            self._x_turned = _vector_plus(_vector_times(self.x, cosine), _vector_times(self.y, sine))
         return self._x_turned
 
     def _tilt(self, alpha: float) -> None:
@@ -185,13 +185,13 @@ class Chain:
         x, y, z = self.axes()
         cosine, sine = exact_cos_sin(alpha)
         self.x, self.turn, self._cos_sin, self._x_turned = x, 0.0, (1.0, 0.0), x
-        self.y = _vector_plus(_scaled(y, cosine), _scaled(z, sine))
-        self.z = _vector_plus(_scaled(y, -sine), _scaled(z, cosine))
+        self.y = _vector_plus(_vector_times(y, cosine), _vector_times(z, sine))
+        self.z = _vector_plus(_vector_times(y, -sine), _vector_times(z, cosine))
 
     def axes(self) -> tuple[Vector, Vector, Vector]:
         """Return x, y and z after the turn."""
         cosine, sine = self._cos_sin
-        y = _vector_plus(_scaled(self.x, _times(sine, -1.0)), _scaled(self.y, cosine))
+        y = _vector_plus(_vector_times(self.x, _times(sine, -1.0)), _vector_times(self.y, cosine))
         return self._turned_x(), y, self.z
 
     def follow(self, frame: Floats) -> None:
@@ -203,7 +203,7 @@ class Chain:
         for column in range(4):
             vector: Vector = (0.0, 0.0, 0.0)
             for axis, factor in zip(axes, frame[:3, column].tolist(), strict=True):
-                vector = _vector_plus(vector, _scaled(axis, factor))
+                vector = _vector_plus(vector, _vector_times(axis, factor))
             columns.append(vector)
         self.origin = _vector_plus(self.origin, columns[3])
         self.x, self.y, self.z = columns[:3]
@@ -235,7 +235,7 @@ def _plus(one: Part, two: Part) -> Part:
     return one + two
 
 
-def _scaled(vector: Vector, factor: Part) -> Vector:
+def _vector_times(vector: Vector, factor: Part) -> Vector:
     x, y, z = vector
     return _times(x, factor), _times(y, factor), _times(z, factor)
 
@@ -244,7 +244,7 @@ def _vector_plus(one: Vector, two: Vector) -> Vector:
     return _plus(one[0], two[0]), _plus(one[1], two[1]), _plus(one[2], two[2])
 
 
-def _stacked(vector: Vector, shape: tuple[int, ...]) -> Floats:
+def _as_array(vector: Vector, shape: tuple[int, ...]) -> Floats:
     out = np.empty((*shape, 3))
     for index, component in enumerate(vector):
         out[..., index] = component

@@ -155,12 +155,12 @@ def singularity(arm: Arm, q: ArrayLike) -> Singularity:
     idle, lost = right[_rank(values) :], np.zeros((0, 6))
     for rows in _tasks(arm):
         if not len(lost):
-            lost = _lost(arm, np.asarray(q, float), matrix[:rows])
+            lost = _lost_directions(arm, np.asarray(q, float), matrix[:rows])
     full = _general_rank(arm, _tasks(arm)[0])
     return Singularity(full - len(lost), full, _tuples(lost), _tuples(idle))
 
 
-def _lost(arm: Arm, q: Floats, matrix: Floats) -> Floats:
+def _lost_directions(arm: Arm, q: Floats, matrix: Floats) -> Floats:
     """Return the directions (k, 6) that the rows of `matrix` (rows, n) lose at the joint positions q (n,).
 
     Beside q, what the joint speeds that stand still at q do becomes the lost directions. The other directions

@@ -74,7 +74,7 @@ def robot_list() -> list[RobotEntry]:
             "name": name,
             "title": robot.title,
             "kind": robot.kind,
-            "joints": _driven(robot),
+            "joints": _degrees_of_freedom(robot),
             "dimensions": robot.dimensions,
             "source": robot.source,
         }
@@ -82,7 +82,7 @@ def robot_list() -> list[RobotEntry]:
     ]
 
 
-def _driven(robot: Robot) -> int:
+def _degrees_of_freedom(robot: Robot) -> int:
     wheels = robot.wheel_count if isinstance(robot, DrivingRobot) else 0
     return wheels + sum(len(limb.joints) for limb in robot.limbs)
 

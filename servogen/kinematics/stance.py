@@ -321,19 +321,19 @@ class FreeStance:
     def angles(self, leg: int, footholds: Complexes) -> Floats:
         """Return the angles (n, 3) that put the foot on its footholds. Raises InputError beyond its reach."""
         ground = np.full(len(footholds), -self.height)
-        return self._solved(leg, np.stack([footholds.real, footholds.imag, ground], axis=1))
+        return self._solve(leg, np.stack([footholds.real, footholds.imag, ground], axis=1))
 
     def lifted(self, leg: int, angles: Floats, share: Floats) -> Floats:
         """Return the angles (n, 3) with the foot at a share (n,) of the lift above where it is."""
         feet = self.feet(leg, angles)
         feet[:, 2] = -self.height + self.posture.lift * share
-        return self._solved(leg, feet)
+        return self._solve(leg, feet)
 
     def feet(self, leg: int, angles: Floats) -> Floats:
         """Return the feet (n, 3) in the body's level frame."""
         return np.asarray(to_body(self.mounts[leg], self.leg.fk(angles)) @ tilt(self.posture).T)
 
-    def _solved(self, leg: int, feet: Floats) -> Floats:
+    def _solve(self, leg: int, feet: Floats) -> Floats:
         mount = self.mounts[leg]
         angles = self.leg.solve(to_leg(mount, feet @ tilt(self.posture)))[:, self.branches[leg], :]
         lost = np.flatnonzero(np.isnan(angles).any(axis=1))

@@ -223,7 +223,7 @@ def _product(text: str, position: int, depth: int) -> tuple[Floats, int]:
     """Return a product, and the position of the `)` or the end of the text behind it."""
     matrix = np.eye(4)
     while True:
-        position = _end_of(_BETWEEN.match(text, position), position)
+        position = _match_end(_BETWEEN.match(text, position), position)
         if position == len(text) or text[position] == ")":
             return matrix, position
         factor, position = _power(text, position, depth)
@@ -251,7 +251,7 @@ def _power(text: str, position: int, depth: int) -> tuple[Floats, int]:
     return (inverse(matrix), power.end()) if power else (matrix, position)
 
 
-def _end_of(match: re.Match[str] | None, position: int) -> int:
+def _match_end(match: re.Match[str] | None, position: int) -> int:
     return match.end() if match else position
 
 

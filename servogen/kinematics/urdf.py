@@ -241,7 +241,7 @@ def from_urdf(text: str, file: str, tip: str | None = None) -> Arm:
     Its rows come from the joint axes; fixed joints belong to the links. Raises InputError for a tree whose
     tip is not named, for other kinds of joints and for a text that is not URDF.
     """
-    robot, notes = _parsed(text, file)
+    robot, notes = _parse(text, file)
     chain = _chain(robot, file, tip)
     moving = [joint for joint in chain if joint.type in _KINDS and joint.mimic is None]
     numbers = {joint.name: index for index, joint in enumerate(moving)}
@@ -261,7 +261,7 @@ def from_urdf(text: str, file: str, tip: str | None = None) -> Arm:
     return replace(arm_of_axes(robot.name, joints, axes, frame), source=file, notes=notes)
 
 
-def _parsed(text: str, file: str) -> tuple[Any, tuple[Diagnostic, ...]]:
+def _parse(text: str, file: str) -> tuple[Any, tuple[Diagnostic, ...]]:
     """Return the library's robot, and notes about what it does not read. Raises InputError."""
     urdf = _library()
     from urdf_parser_py.xml_reflection import core

@@ -134,7 +134,7 @@ class Branch:
 
     def at(self, shares: Floats) -> Floats:
         """Return the joint angles (n, joints) at shares of the path. Raises LeavesReach."""
-        expected = self._expected(shares)
+        expected = self._extrapolated(shares)
         chosen, away = _nearest(self.inverse(shares, expected), expected)
         # Where the inverse has no solution `away` is inf.
         for index in np.nonzero(~(away <= STEP))[0]:
@@ -149,7 +149,7 @@ class Branch:
         missed = float(self.path.distance(forward(angles)).max(initial=0.0))
         return Followed(shares, angles, chord_error, missed)
 
-    def _expected(self, shares: Floats) -> Floats:
+    def _extrapolated(self, shares: Floats) -> Floats:
         return np.stack([np.interp(shares, self.shares, column) for column in self.angles.T], axis=-1)
 
     def _beside(self, share: float) -> Floats:
@@ -157,7 +157,7 @@ class Branch:
         for near in (share - BESIDE, share + BESIDE):
             if 0 <= near <= 1:
                 there = np.array([near])
-                expected = self._expected(there)
+                expected = self._extrapolated(there)
                 chosen, away = _nearest(self.inverse(there, expected), expected)
                 if away[0] <= STEP:
                     return np.asarray(chosen[0])
@@ -213,15 +213,15 @@ class _Tracer:
     def _go(self, block: Floats) -> bool:
         """Add the shares of a block that are surely on the branch; return whether there was at least one."""
         count = len(self.shares)
-        for candidates in self._solved(block, self.angles[-1]):
+        for candidates in self._solve(block, self.angles[-1]):
             chosen, away = _nearest(candidates[None], self.angles[-1][None])
             step = float(away[0])
-            if step > self._allowed() or not _sure(candidates, chosen[0], step):
+            if step > self._largest_step() or not _sure(candidates, chosen[0], step):
                 break
             self._take(chosen[0])
         return len(self.shares) > count
 
-    def _allowed(self) -> float:
+    def _largest_step(self) -> float:
         """Return how far the joints may move up to the next share: a multiple of the previous slope."""
         if len(self.shares) == 1:
             return SMALL
@@ -256,7 +256,7 @@ class _Tracer:
             self._take(here)
             return
         beside = min(there + BESIDE, 1.0)
-        candidates = self._solved(np.array([beside]), here)[0]
+        candidates = self._solve(np.array([beside]), here)[0]
         chosen, away = _nearest(candidates[None], here[None])
         if away[0] <= SMALL:
             # The shares within the neighbourhood of the singular point have no reliable solution.
@@ -271,7 +271,7 @@ class _Tracer:
         both = self.shown(here), self.shown(chosen[0])
         raise ChangesBranch(share, _point(self.path, share), both, self.place, self.hint)
 
-    def _solved(self, shares: Floats, here: Floats) -> Floats:
+    def _solve(self, shares: Floats, here: Floats) -> Floats:
         self.samples += len(shares)
         if self.samples > MAX_SAMPLES:
             share = self.shares[-1]

@@ -81,17 +81,17 @@ def law(name: str, ramp: float = RAMP, bend: float = BEND) -> Law:
             "out-of-range", f"ramp and bend are more than 0 and at most 0.5, not {ramp:g} and {bend:g}"
         )
     if name == "trapezoid":
-        return _integrated(name, ((ramp, (1.0,)), (1 - 2 * ramp, (0.0,)), (ramp, (-1.0,))))
+        return _integrate(name, ((ramp, (1.0,)), (1 - 2 * ramp, (0.0,)), (ramp, (-1.0,))))
     if name == "s-curve":
         rise, level = bend * ramp, (1 - 2 * bend) * ramp
         up, down = (0.0, 1 / rise), (1.0, -1 / rise)
         back, home = (0.0, -1 / rise), (-1.0, 1 / rise)
         ramps = ((rise, up), (level, (1.0,)), (rise, down), (1 - 2 * ramp, (0.0,)))
-        return _integrated(name, (*ramps, (rise, back), (level, (-1.0,)), (rise, home)))
+        return _integrate(name, (*ramps, (rise, back), (level, (-1.0,)), (rise, home)))
     raise InputError("unknown-name", f"unknown law of motion '{name}'", hint=did_you_mean(name, NAMES))
 
 
-def _integrated(name: str, pieces: tuple[tuple[float, tuple[float, ...]], ...]) -> Law:
+def _integrate(name: str, pieces: tuple[tuple[float, tuple[float, ...]], ...]) -> Law:
     """Return the law whose acceleration has the shape of `pieces` (length, polynomial), scaled to end at
     1.
     """

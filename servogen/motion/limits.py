@@ -64,7 +64,7 @@ def fastest(name: str, travel: Sequence[float], limits: Sequence[JointLimits]) -
             "the speed of this move is not known",
             hint="state its time, or use a servo with a stated speed, or an acceleration limit",
         )
-    shaped = _shaped(name, speed, acceleration, jerk)
+    shaped = _ramped_law(name, speed, acceleration, jerk)
     return TimedLaw(shaped, _shortest(shaped, speed, acceleration, jerk))
 
 
@@ -80,7 +80,7 @@ def _shortest(shaped: Law, speed: float, acceleration: float, jerk: float) -> fl
     )
 
 
-def _shaped(name: str, speed: float, acceleration: float, jerk: float) -> Law:
+def _ramped_law(name: str, speed: float, acceleration: float, jerk: float) -> Law:
     """Return the law with the ramps that make it fastest over a path of 1."""
     if name not in ("trapezoid", "s-curve") or math.isinf(acceleration):
         return law(name)

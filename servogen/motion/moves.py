@@ -147,8 +147,8 @@ def fastest_straight(
     frames = timing.duration / frame_s
     if name == "linear":
         # Its speed begins at once: within a frame, which makes the acceleration finite.
-        ways = zip(np.abs(end - start).tolist(), limits, strict=True)
-        frames = max(frames, *(way / (limit.acceleration * frame_s**2) for way, limit in ways))
+        distances = zip(np.abs(end - start).tolist(), limits, strict=True)
+        frames = max(frames, *(distance / (limit.acceleration * frame_s**2) for distance, limit in distances))
     frames = math.ceil(frames - EXACT)
     share = timing.law.share(_shares(frames))[:, None]
     return np.where(share >= 1, end, start + share * (end - start))

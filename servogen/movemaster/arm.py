@@ -259,7 +259,7 @@ class Mover:
 
     def go(self, pose: ToolPose, target: str) -> None:
         """Move to `pose`, all joints together."""
-        self.go_joints(self._solved(pose, self.q, target))
+        self.go_joints(self._solve(pose, self.q, target))
 
     def go_joints(self, q: Floats) -> None:
         """Move to the joint positions `q` through joint space."""
@@ -281,12 +281,12 @@ class Mover:
         """Move through all poses without stopping."""
         points = [self.q]
         for pose, target in poses:
-            points.append(self._solved(pose, points[-1], target))
+            points.append(self._solve(pose, points[-1], target))
         self._path(np.stack(points), even=False)
 
     def line(self, pose: ToolPose, intermediate: int, target: str) -> None:
         """Move to `pose` through `intermediate` equidistant points on the straight line."""
-        self._solved(pose, self.q, target)
+        self._solve(pose, self.q, target)
         branch = self._branch(pose, target)
         points = _points_on(branch, self.q, intermediate)
         samples = self._path(points, even=True)
@@ -319,7 +319,7 @@ class Mover:
     def stand(self, frames: int) -> None:
         """Add frames in which nothing moves. Raises InputError beyond the limit of the run."""
         row = list(self.q) + ([self.hand.angle(self.hand_state)] if self.hand else [])
-        self._add(np.tile(np.array(row), (self._allowed(frames), 1)))
+        self._add(np.tile(np.array(row), (self._check_length(frames), 1)))
 
     def set_tool_mm(self, length: float) -> None:
         """Change the tool's length; nothing moves."""
@@ -332,7 +332,7 @@ class Mover:
         joints = tuple(float(value) for value in np.round(self.q, 9) + 0.0)
         return joints, self.hand_state, self.speed, self.grip_tenths, self.manipulator.tool_mm
 
-    def _solved(self, pose: ToolPose, near: Floats, target: str) -> Floats:
+    def _solve(self, pose: ToolPose, near: Floats, target: str) -> Floats:
         try:
             return self.manipulator.solve(pose, near)
         except Unreachable as error:
@@ -437,7 +437,7 @@ class Mover:
             few, enough = (few, middle) if keeps(middle) else (middle, enough)
         return enough
 
-    def _allowed(self, frames: int) -> int:
+    def _check_length(self, frames: int) -> int:
         if (self.frame + frames - self.uncounted) * self.period_s > self.max_s:
             raise InputError(
                 "program-too-long",
@@ -453,7 +453,7 @@ class Mover:
         return frames
 
     def _add(self, rows: Floats) -> None:
-        self._allowed(len(rows))
+        self._check_length(len(rows))
         self.frame += len(rows)
         self._blocks.append(rows)
 

@@ -176,7 +176,7 @@ class Flow:
         for number in (first, last):
             if number is not None and number not in self._index:
                 raise InputError(
-                    "unknown-line", f"there is no program line {number}", hint=self._known(number)
+                    "unknown-line", f"there is no program line {number}", hint=self._lines_near(number)
                 )
         for line in self._lines:
             if line.command and line.command.mnemonic in JUMPS:
@@ -249,7 +249,7 @@ class Flow:
     def _check(self, line: ProgramLine, target: int) -> None:
         if target not in self._index:
             raise line.error(
-                "unknown-line", f"there is no program line {target} to go to", self._known(target)
+                "unknown-line", f"there is no program line {target} to go to", self._lines_near(target)
             )
 
     def _check_loops(self) -> None:
@@ -301,7 +301,7 @@ class Flow:
 
         return set(reached([] if self._next in (self._end, len(self._lines)) else [self._next], followers))
 
-    def _known(self, number: int) -> str:
+    def _lines_near(self, number: int) -> str:
         numbers = [line.number or 0 for line in self._lines]
         near = sorted(sorted(numbers, key=lambda candidate: abs(candidate - number))[:4])
         if not near:

@@ -102,7 +102,7 @@ def run(
     controller = Controller(mover, InputPort(inputs, period_s), budget.commands)
     start = _once(controller, source)
     if repeat:
-        first, loop_start, end = _repeated(controller, source, start, inputs)
+        first, loop_start, end = _run_twice(controller, source, start, inputs)
     else:
         first, loop_start, end = 0, mover.frame, mover.frame + 1
         # The frame that is held at the end is not part of the program's time.
@@ -168,7 +168,7 @@ def _once(controller: Controller, source: ParsedProgram) -> _Start | None:
     return start
 
 
-def _repeated(
+def _run_twice(
     controller: Controller, source: ParsedProgram, start: _Start | None, inputs: tuple[PortInput, ...]
 ) -> tuple[int, int, int]:
     """Run the program twice, and return the first frame that is needed, the first of the loop, and the end.

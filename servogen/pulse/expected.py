@@ -65,9 +65,9 @@ def _from_frame_zero(schedule: PulseSchedule) -> Iterator[ExpectedChunk]:
     parts = list(_once(schedule, schedule.loop, 0))
     turn = ExpectedChunk(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
     turns = max(1, CHUNK_EDGES // edges)
-    block = _repeated(turn, turns, frames, schedule.period)
+    block = _repeat(turn, turns, frames, schedule.period)
     while True:
-        yield _moved(block, first, schedule.period)
+        yield _shift(block, first, schedule.period)
         first += turns * frames
 
 
@@ -78,7 +78,7 @@ def _once(schedule: PulseSchedule, runs: tuple[Run, ...], first: int) -> Iterato
         block = max(1, CHUNK_EDGES // max(1, len(frame.cycle)))
         for start in range(0, run.frames, block) if len(frame.cycle) else ():
             frames = min(block, run.frames - start)
-            yield _moved(_repeated(frame, frames, 1, schedule.period), first + start, schedule.period)
+            yield _shift(_repeat(frame, frames, 1, schedule.period), first + start, schedule.period)
         first += run.frames
 
 
@@ -99,7 +99,7 @@ def _edges(schedule: PulseSchedule, run: Run) -> ExpectedChunk:
     )
 
 
-def _repeated(chunk: ExpectedChunk, times: int, frames: int, period: Cycles) -> ExpectedChunk:
+def _repeat(chunk: ExpectedChunk, times: int, frames: int, period: Cycles) -> ExpectedChunk:
     """Return `chunk`, which fills `frames` frames, `times` times in a row."""
     shift = np.repeat(np.arange(times, dtype=np.int64) * frames, len(chunk.cycle))
     return ExpectedChunk(
@@ -110,6 +110,6 @@ def _repeated(chunk: ExpectedChunk, times: int, frames: int, period: Cycles) -> 
     )
 
 
-def _moved(chunk: ExpectedChunk, frames: int, period: Cycles) -> ExpectedChunk:
+def _shift(chunk: ExpectedChunk, frames: int, period: Cycles) -> ExpectedChunk:
     """Return a chunk moved by `frames` frames."""
     return chunk._replace(cycle=chunk.cycle + frames * period, frame=chunk.frame + frames)

@@ -427,7 +427,7 @@ MAX_NUMBER = 10**9
 """The maximum of any number in a schedule: hertz, frames, cycles of a frame."""
 
 
-def _shown(value: object) -> str:
+def _literal(value: object) -> str:
     text = repr(value)
     return text if len(text) <= 40 else f"{text[:37]}…"
 
@@ -483,7 +483,7 @@ class _Reader:
         frames = sum(run.frames for part in runs for run in part)
         if frames > MAX_FRAMES:
             raise self._error(
-                "json-value", "loop", f"the schedule has {_shown(frames)} frames", f"at most {MAX_FRAMES}"
+                "json-value", "loop", f"the schedule has {_literal(frames)} frames", f"at most {MAX_FRAMES}"
             )
         if not runs[1]:
             raise self._error(
@@ -525,7 +525,7 @@ class _Reader:
         known = {**usual, **data} if isinstance(data, dict) else data
         pin, source, frames, cycles, quiet, restart, pulled, ppm = self._table(known, "wire", keys)
         if restart not in (None, OPEN_DRAIN_PIN):
-            raise self._error("json-value", "wire.restart", f"is not {OPEN_DRAIN_PIN}: {_shown(restart)}")
+            raise self._error("json-value", "wire.restart", f"is not {OPEN_DRAIN_PIN}: {_literal(restart)}")
         read = self._input({"pin": pin, "level": 0}, "wire", channels)
         return WireRule(
             read.pin,
@@ -547,7 +547,7 @@ class _Reader:
         if start is None and stop is None:
             raise self._error("json-value", "buttons", "has neither 'start' nor 'stop'")
         if pulses not in ("off", "hold"):
-            message = f"is neither 'off' nor 'hold': {_shown(pulses)}"
+            message = f"is neither 'off' nor 'hold': {_literal(pulses)}"
             raise self._error("json-value", "buttons.pulses", message)
         return ButtonRule(
             None if start is None else self._input(start, "buttons.start", channels),
@@ -609,7 +609,9 @@ class _Reader:
             name, code, *parts = self._table(data, key, ("name", "code", *parts_of))
             selector = self._text(code, f"{key}.code")
             if not selector or selector.strip("01"):
-                raise self._error("json-value", f"{key}.code", f"is not a string of 0 and 1: {_shown(code)}")
+                raise self._error(
+                    "json-value", f"{key}.code", f"is not a string of 0 and 1: {_literal(code)}"
+                )
         else:
             name, pin, level, *parts = self._table(data, key, ("name", "pin", "level", *parts_of))
             selector = self._input({"pin": pin, "level": level}, key, channels)
@@ -711,7 +713,7 @@ class _Reader:
     def _whole(self, data: Any, key: str, minimum: int, maximum: int = MAX_NUMBER) -> int:
         if not isinstance(data, int) or isinstance(data, bool) or not minimum <= data <= maximum:
             raise self._error(
-                "json-value", key, f"is not a whole number of {minimum} to {maximum}: {_shown(data)}"
+                "json-value", key, f"is not a whole number of {minimum} to {maximum}: {_literal(data)}"
             )
         return data
 

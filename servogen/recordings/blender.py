@@ -44,7 +44,7 @@ def json_export(document: Any, file: str) -> RecordedMotion:
             (_positions(row, file, f"positions[{index}]"), Location(file, key=f"positions[{index}]"))
             for index, row in enumerate(positions)
         ]
-        return _recorded(rows, fps, file)
+        return _recording(rows, fps, file)
     tracks: dict[str, tuple[Any, str]] = {}
     for name, value in table(document.get("servos", positions), file, "servos").items():
         key = f"servos.{name}"
@@ -66,10 +66,10 @@ def header_file(text: str, file: str) -> RecordedMotion:
     if commands is None:
         tracks = {name: ([value for value, _ in values], name) for name, values in arrays}
         return _from_arrays(tracks, fps, file)
-    return _recorded(_commanded(commands, file), fps, file)
+    return _recording(_command_frames(commands, file), fps, file)
 
 
-def _commanded(data: Sequence[tuple[int, int]], file: str) -> Frames:
+def _command_frames(data: Sequence[tuple[int, int]], file: str) -> Frames:
     """Return the frames of commands, given as (byte, line)."""
     frames: list[tuple[dict[str, float], Location]] = []
     row: dict[str, float] = {}
@@ -139,10 +139,10 @@ def _from_arrays(tracks: Mapping[str, tuple[Any, str]], fps: float, file: str) -
         )
         for frame in range(max(lengths, default=0))
     ]
-    return _recorded(rows, fps, file)
+    return _recording(rows, fps, file)
 
 
-def _recorded(frames: Frames, fps: float, file: str) -> RecordedMotion:
+def _recording(frames: Frames, fps: float, file: str) -> RecordedMotion:
     """Return the recording; a servo that a frame does not state keeps its position."""
     if not 0 < fps <= 1000:
         raise wrong(file, "fps", f"{fps:g} frames per second", "0 to 1000")

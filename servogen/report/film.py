@@ -84,7 +84,7 @@ def job_scene(job: PlannedJob) -> FilmScene:
     """Return the loop of a job's robot, or all of a motion that ends. Raises InputError without a robot."""
     trajectory = job.trajectory
     start = trajectory.loop_start if len(trajectory.angles) - trajectory.loop_start > 1 else 0
-    angles = _held(trajectory.angles)[start:]
+    angles = _without_gaps(trajectory.angles)[start:]
     frame_s, step = float(trajectory.clock.seconds(trajectory.period)), _step(len(angles))
     if job.base is not None:
         places = positions(job.base, np.nan_to_num(angles[:, job.wheel_columns]), frame_s)[1:]
@@ -115,7 +115,7 @@ def _step(frames: int) -> int:
     return -(-frames // MAX_PICTURES)
 
 
-def _held(angles: Floats) -> Floats:
+def _without_gaps(angles: Floats) -> Floats:
     """Return angles without gaps: a servo without pulses keeps its angle, and begins at its first one."""
     filled = angles.copy()
     for column in filled.T:

@@ -359,7 +359,7 @@ def costs(listing: Listing | None) -> Iterator[tuple[str, ...]]:
     functions = listing.functions if listing else ()
     for function in sorted(functions, key=lambda function: (function.start - function.end, function.start)):
         yield (
-            _spoken(function.name),
+            _function_title(function.name),
             f"{function.start:04X}",
             str(function.end - function.start),
             str(function.ram_bytes),
@@ -368,7 +368,7 @@ def costs(listing: Listing | None) -> Iterator[tuple[str, ...]]:
         )
 
 
-def _spoken(name: str) -> str:
+def _function_title(name: str) -> str:
     """Return a function's name for people; a table is `__table.NAME@file:line:column`."""
     table, _, place = name.removeprefix("__table.").partition("@")
     return f"table {table}, {place.rpartition(':')[0]}" if name.startswith("__table.") else name

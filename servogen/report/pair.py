@@ -52,7 +52,7 @@ def pair_page(facts: PairFacts) -> str:
 
 def _values(facts: PairFacts) -> dict[str, object]:
     first, second = facts.jobs
-    ends = [_wire_of(job) for job in facts.jobs]
+    ends = [_frame_wire(job) for job in facts.jobs]
     pins = [_pins(job, end) for job, end in zip(facts.jobs, ends, strict=True)]
     crystals = [_beside(number, its["OSC1"]) for number, its in enumerate(pins)]
     both = replace(first, servos=(*first.servos, *second.servos))
@@ -126,7 +126,7 @@ class _Leg:
     left: bool
 
 
-def _wire_of(job: PlannedJob) -> FrameWire:
+def _frame_wire(job: PlannedJob) -> FrameWire:
     end = given(job.inputs, FrameWire)
     if end is None:
         raise InputError("chip-pair", f"{job.name} has no wire to another chip")
@@ -168,8 +168,8 @@ def _wire(pins: Sequence[Mapping[str, _Leg]], ends: Sequence[FrameWire]) -> dict
         (LEFT if pins[number][end.pin].left else RIGHT)[number] - (6 if number else 0)
         for number, end in enumerate(ends)
     ]
-    (x, y), (other, up) = points
-    path = f"M{x} {y} H{turns[0]} V{WIRE_Y} H{turns[1]} V{up} H{other}"
+    (x, y), (finish, up) = points
+    path = f"M{x} {y} H{turns[0]} V{WIRE_Y} H{turns[1]} V{up} H{finish}"
     return {
         "path": path,
         "text": f"the wire: {ends[0].pin} of chip 1 to {ends[1].pin} of chip 2",
@@ -182,10 +182,10 @@ def _restart(pins: Sequence[Mapping[str, _Leg]], pin: str | None) -> dict[str, o
     """Return the line from the second chip's pin to the first one's MCLR, if there is one."""
     if pin is None:
         return None
-    (x, y), (other, up) = _beside(0, pins[0]["MCLR"]), _beside(1, pins[1][pin])
+    (x, y), (end, up) = _beside(0, pins[0]["MCLR"]), _beside(1, pins[1][pin])
     (down, back), (left, right) = RESTART, JUMPER
     return {
-        "path": f"M{x} {y} H{down} V{RESTART_Y} H{left} M{right} {RESTART_Y} H{back} V{up} H{other}",
+        "path": f"M{x} {y} H{down} V{RESTART_Y} H{left} M{right} {RESTART_Y} H{back} V{up} H{end}",
         "jumper": JUMPER,
         "y": RESTART_Y,
         "text": f"{pin} of chip 2 to MCLR of chip 1; a jumper, open while chip 1 is programmed",

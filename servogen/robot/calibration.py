@@ -176,14 +176,14 @@ def fit(readings: Sequence[Reading], tolerance: float = TOLERANCE_RAD, speed: bo
     unit = "°/s" if speed else "°"
     _check_each(readings, unit)
     line = _line(readings)
-    line = _bent(line) or line
+    line = _fit_two_lines(line) or line
     off = abs(line.residuals[line.worst])
     if off > tolerance:
         _check_outlier(readings, tolerance, unit)
         _check_order(readings, line.us_per_rad > 0, unit)
         raise InputError(
             "bad-readings",
-            f"the readings are not on a straight line: {_named(readings, line.worst, unit)} is "
+            f"the readings are not on a straight line: {_reading(readings, line.worst, unit)} is "
             f"{math.degrees(off):z.1f}{unit} off it, {math.degrees(tolerance):zg}{unit} is allowed",
             hint="calibrate a shorter range, or allow more with --tolerance-deg",
         )
@@ -193,7 +193,7 @@ def fit(readings: Sequence[Reading], tolerance: float = TOLERANCE_RAD, speed: bo
         raise InputError(
             "bad-readings",
             f"the servo hardly moved: by {math.degrees(turned):z.1f}{unit} over all widths, and "
-            f"{_named(readings, line.worst, unit)} is {math.degrees(off):z.1f}{unit} off that line",
+            f"{_reading(readings, line.worst, unit)} is {math.degrees(off):z.1f}{unit} off that line",
             hint="is it powered, and on that pin?",
         )
     return line
@@ -203,7 +203,7 @@ def _check_each(readings: Sequence[Reading], unit: str) -> None:
     """Raise InputError for invalid readings, too few widths, and a servo that did not move."""
     for index, reading in enumerate(readings):
         if not math.isfinite(reading.angle) or not math.isfinite(reading.width_us):
-            raise InputError("not-a-number", f"{_named(readings, index, unit)} is not a number")
+            raise InputError("not-a-number", f"{_reading(readings, index, unit)} is not a number")
     widths = {reading.width_us for reading in readings}
     if len(widths) < MIN_WIDTHS:
         raise InputError(
@@ -232,8 +232,8 @@ def _check_order(readings: Sequence[Reading], rising: bool, unit: str) -> None:
         if step == 0 or (step > 0) != rising:
             raise InputError(
                 "bad-readings",
-                f"{_named(readings, after, unit)} does not {'rise' if rising else 'fall'} from "
-                f"{_named(readings, before, unit)}, as the others do",
+                f"{_reading(readings, after, unit)} does not {'rise' if rising else 'fall'} from "
+                f"{_reading(readings, before, unit)}, as the others do",
                 hint="read both again: did the servo reach its stop, or slip on its horn?",
             )
 
@@ -261,12 +261,12 @@ def _check_outlier(readings: Sequence[Reading], tolerance: float, unit: str) -> 
     _, off, index = max(outliers)
     raise InputError(
         "bad-readings",
-        f"{_named(readings, index, unit)} is {math.degrees(off):z.1f}{unit} off the line of the others",
+        f"{_reading(readings, index, unit)} is {math.degrees(off):z.1f}{unit} off the line of the others",
         hint="read it again",
     )
 
 
-def _named(readings: Sequence[Reading], index: int, unit: str) -> str:
+def _reading(readings: Sequence[Reading], index: int, unit: str) -> str:
     reading = readings[index]
     return f"reading {index + 1} ({math.degrees(reading.angle):zg}{unit} at {reading.width_us:g} µs)"
 
@@ -284,7 +284,7 @@ def _line(readings: Sequence[Reading]) -> Fit:
     return Fit(tuple(readings), middle - mean / slope, 1 / slope, residuals)
 
 
-def _bent(line: Fit) -> Fit | None:
+def _fit_two_lines(line: Fit) -> Fit | None:
     """Return the least-squares fit of two lines that meet at one of the widths, three readings or more in
     each; None unless it is far better than one line.
     """
@@ -401,7 +401,7 @@ def write_calibration(path: Path, text: str) -> Path | None:
 
     Raises InputError if the path cannot be written.
     """
-    previous = _kept(path) if path.is_file() else None
+    previous = _back_up(path) if path.is_file() else None
     try:
         write_text(path, text)
     except BaseException:
@@ -411,7 +411,7 @@ def write_calibration(path: Path, text: str) -> Path | None:
     return previous
 
 
-def _kept(path: Path) -> Path:
+def _back_up(path: Path) -> Path:
     """Return a copy of the file under the first free name among NAME.1.bak, NAME.2.bak, …."""
     old = path.read_bytes()
     number = 0

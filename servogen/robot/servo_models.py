@@ -109,7 +109,7 @@ def catalogued_as(spelling: str) -> str:
     found = [
         name
         for name in names()
-        if any(_plain(known).endswith(wanted) for known in (name, _catalogued(name)[1].title))
+        if any(_plain(known).endswith(wanted) for known in (name, _catalogue_model(name)[1].title))
     ]
     return found[0] if len(found) == 1 and len(wanted) >= MIN_SPELLING else spelling
 
@@ -144,11 +144,11 @@ def servo_model(
         ),
         calibration=curve,
         speed=speed if facts.speed_deg_s is None else math.radians(facts.speed_deg_s),
-        acceleration=_scaled(facts.acceleration_deg_s2, math.degrees(1)),
-        torque_nm=_scaled(torque_ncm if facts.torque_ncm is None else facts.torque_ncm, 100),
-        idle_a=_scaled(facts.idle_ma, 1000),
-        max_a=_scaled(facts.max_ma, 1000),
-        mass_kg=_scaled(facts.mass_g, 1000),
+        acceleration=_scale(facts.acceleration_deg_s2, math.degrees(1)),
+        torque_nm=_scale(torque_ncm if facts.torque_ncm is None else facts.torque_ncm, 100),
+        idle_a=_scale(facts.idle_ma, 1000),
+        max_a=_scale(facts.max_ma, 1000),
+        mass_kg=_scale(facts.mass_g, 1000),
         size_m=None if facts.size_mm is None else _metres(facts.size_mm),
         spline_teeth=facts.spline_teeth,
         source=table.source,
@@ -185,7 +185,9 @@ def figures(name: str, place: Location | None = None) -> tuple[ServoFigure, ...]
     data = table.model_dump(exclude_none=True, exclude={"title", "source", "sources", "kind"})
     unit = "°/s" if table.kind == "continuous" else "°"
     values = {
-        key: _shown(value) for key, value in data.items() if key in FactKeys.model_fields and key != "points"
+        key: _literal(value)
+        for key, value in data.items()
+        if key in FactKeys.model_fields and key != "points"
     }
     values["points"] = ", ".join(
         f"{point.angle_deg if point.speed_deg_s is None else point.speed_deg_s:g}{unit} {point.width_us:g} µs"
@@ -195,7 +197,7 @@ def figures(name: str, place: Location | None = None) -> tuple[ServoFigure, ...]
         at = [(row.supply_v, getattr(row, key)) for row in table.supply if getattr(row, key) is not None]
         if at:
             values[key] = ", ".join(f"{value:g} at {volts:g} V" for volts, value in at)
-    values |= {key: _shown(value) for key, value in data.get("motor", {}).items() if key != "assumed"}
+    values |= {key: _literal(value) for key, value in data.get("motor", {}).items() if key != "assumed"}
     return tuple(ServoFigure(key, value, *_origin(key, table, motor)) for key, value in values.items())
 
 
@@ -208,7 +210,7 @@ def _origin(key: str, table: ModelTable, motor: Motor) -> tuple[str, str]:
     return (origin, text) if colon and origin in ORIGINS else ("file", source)
 
 
-def _shown(value: object) -> str:
+def _literal(value: object) -> str:
     return ", ".join(f"{each:g}" for each in (value if isinstance(value, tuple) else (value,)))
 
 
@@ -227,14 +229,14 @@ def _motor(document: Document, table: ModelTable) -> Motor:
         said = f"there is no figure '{key}' that could have a source"
         document.check_known("unknown-name", ("sources", key), key, keys, said)
     return Motor(
-        stall_a=_scaled(motor.stall_ma, 1000),
-        no_load_a=_scaled(motor.no_load_ma, 1000),
+        stall_a=_scale(motor.stall_ma, 1000),
+        no_load_a=_scale(motor.no_load_ma, 1000),
         efficiency=motor.efficiency,
         dead_band_us=motor.dead_band_us,
         full_drive_us=motor.full_drive_us,
-        lost_s=_scaled(motor.lost_ms, 1000),
-        start_s=_scaled(motor.start_ms, 1000),
-        backlash=_scaled(motor.backlash_deg, math.degrees(1)),
+        lost_s=_scale(motor.lost_ms, 1000),
+        start_s=_scale(motor.start_ms, 1000),
+        backlash=_scale(motor.backlash_deg, math.degrees(1)),
         assumed=motor.assumed,
     )
 
@@ -298,14 +300,14 @@ def _at(
     width = above.supply_v - below.supply_v
     # `below` and `above` are the same row at a specified voltage.
     share = (volts - below.supply_v) / width if width else 0.0
-    return _mixed(below.speed, above.speed, share), _mixed(below.torque_ncm, above.torque_ncm, share)
+    return _between(below.speed, above.speed, share), _between(below.torque_ncm, above.torque_ncm, share)
 
 
-def _mixed(below: float | None, above: float | None, share: float) -> float | None:
+def _between(below: float | None, above: float | None, share: float) -> float | None:
     return None if below is None or above is None else below + share * (above - below)
 
 
-def _scaled(value: float | None, parts: float) -> float | None:
+def _scale(value: float | None, parts: float) -> float | None:
     return None if value is None else value / parts
 
 
@@ -325,11 +327,11 @@ def _model(name: str, place: Location | None) -> tuple[Document, ModelTable]:
         raise InputError(
             "unknown-servo-model", f"unknown servo model '{name}'", place, did_you_mean(name, names()) + own
         )
-    return _catalogued(name)
+    return _catalogue_model(name)
 
 
 @cache
-def _catalogued(name: str) -> tuple[Document, ModelTable]:
+def _catalogue_model(name: str) -> tuple[Document, ModelTable]:
     entry = _folder() / f"{name}.toml"
     document = toml_file.parse(entry.read_text(encoding="utf-8"), entry.name)
     return document, toml_file.validate(document, ModelTable)

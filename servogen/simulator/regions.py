@@ -110,12 +110,12 @@ def program_code(image: Image) -> Code:
     code = [ERASED] * _N
     for address, word in image.program.items():
         if address < _N:
-            code[address] = _packed(word)
+            code[address] = _packed_word(word)
     return np.array(code, dtype=np.int64)
 
 
 @cache
-def _packed(word: int) -> int:
+def _packed_word(word: int) -> int:
     decoded = decode(word)
     return UNDEFINED if decoded is None else pack(decoded)
 

@@ -78,11 +78,11 @@ def file_inputs(stimuli: Stimuli | None, clock: Clock) -> Inputs:
     """Return the changes of the stimuli in the form for edge files."""
     if stimuli is None:
         return NO_INPUTS
-    pins = {pin for source in stimuli.sources for pin in _pins_of(source)}
+    pins = {pin for source in stimuli.sources for pin in _pins_in(source)}
     return Inputs(tuple(sorted(pins)), _Chunks(stimuli, clock))
 
 
-def _pins_of(source: SignalSource) -> Sequence[int]:
+def _pins_in(source: SignalSource) -> Sequence[int]:
     """Return the pins that a source may drive; all pins if it does not state them."""
     match source:
         case Levels() | Periodic() | BouncingButton() | Serial():

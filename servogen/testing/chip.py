@@ -147,15 +147,15 @@ class Chip(Signals):
             wanted = int(match["cycle"])
             self._advance(min(end, wanted))
             if self.cycle < wanted:
-                raise self._missed(what, within_ms)
+                raise self._failure(what, within_ms)
             return self.us
         stop = parse_breakpoint(what, self.board.listing)
         if isinstance(stop, AtCondition) and stop.holds(self._machine):
             return self.us
         while self._advance(end, (stop,)) is not None:
-            if not isinstance(stop, AtEdge) or self._changed(stop.pin):
+            if not isinstance(stop, AtEdge) or self._is_change(stop.pin):
                 return self.us
-        raise self._missed(what, within_ms, stop)
+        raise self._failure(what, within_ms, stop)
 
     # Pins
 
@@ -393,10 +393,10 @@ class Chip(Signals):
         return [SeenPins(self.pieces()[0], "the simulated chip")]
 
     def pieces(self) -> Sequence[EdgeTrace]:
-        return (EdgeTrace(self.clock, (self._driven(),), Cycles(self.cycle)),)
+        return (EdgeTrace(self.clock, (self._edges_so_far(),), Cycles(self.cycle)),)
 
     def levels(self) -> Sequence[EdgeTrace]:
-        chunk = at_the_pins(self._driven(), self._inputs())
+        chunk = at_the_pins(self._edges_so_far(), self._inputs())
         return (EdgeTrace(self.clock, (chunk,), Cycles(self.cycle)),)
 
     def chip_clock(self) -> Clock:
@@ -457,9 +457,9 @@ class Chip(Signals):
             if stop := next((stop for stop in stops if stop in met), None):
                 return stop
 
-    def _changed(self, pin: int) -> bool:
+    def _is_change(self, pin: int) -> bool:
         """Return whether the last edge of a pin is one where an undriven pin counts as low."""
-        edges = self._driven()
+        edges = self._edges_so_far()
         last: list[int] = [UNDRIVEN, *edges.level[edges.pin == pin][-2:].tolist()][-2:]
         before, now = (level == HIGH for level in last)
         return before != now
@@ -473,7 +473,7 @@ class Chip(Signals):
         __tracebackhide__ = True
         while not holds(self):
             if self.cycle >= end:
-                raise self._missed(getattr(holds, "__name__", "the condition"), within_ms)
+                raise self._failure(getattr(holds, "__name__", "the condition"), within_ms)
             self._deliver()
             before = self._machine.machine.edges_made
             self._machine.run(self.cycle + 1)
@@ -481,7 +481,7 @@ class Chip(Signals):
                 self._settle()
         return self.us
 
-    def _missed(self, what: str, within_ms: float, stop: Breakpoint | None = None) -> AssertionError:
+    def _failure(self, what: str, within_ms: float, stop: Breakpoint | None = None) -> AssertionError:
         lines = [f"{what}: not within {within_ms:g} ms, at {self._now_words}", f"  {self._here}"]
         if isinstance(stop, AtEdge):
             lines += [f"  {sentence}" for sentence in explain_pin(self._machine, stop.pin)]
@@ -588,7 +588,7 @@ class Chip(Signals):
                 self._check_free(pin)
         self._check_free(wire)
 
-    def _driven(self) -> EdgeChunk:
+    def _edges_so_far(self) -> EdgeChunk:
         """Return all edges since power-up. Raises InputError where there are too many."""
         if self._seen_until < self.cycle:
             edge_count = self._machine.machine.edges_made
@@ -609,7 +609,7 @@ class Chip(Signals):
         return [*islice(stimulus, MAX_STIMULUS), *applied]
 
     def _last_edges(self) -> list[str]:
-        edges = self._driven()
+        edges = self._edges_so_far()
         last = list(zip(*(column[-SHOWN_EDGES:].tolist() for column in edges), strict=True))
         here = self.cycle
         lines = []

@@ -183,7 +183,7 @@ def pytest_runtest_makereport(
     if report.when == "call" and report.failed:
         captures = [(_name(item), capture.seen) for capture in item.stash.get(SEEN, [])]
         try:
-            captures += _seen_of_chips(item)
+            captures += _pins_by_chip(item)
         except ServogenError as error:
             report.sections.append(("servogen capture", f"nothing is written: {error}"))
         for name, seen in captures:
@@ -210,7 +210,7 @@ def _show_only_the_test(raised: pytest.ExceptionInfo[BaseException] | None) -> N
 @pytest.fixture
 def servogen_program(request: pytest.FixtureRequest) -> Program:
     """Return the program under test, compiled or assembled if it is C or assembly."""
-    path = _required(request.node, "image")
+    path = _required_file(request.node, "image")
     _tested(request.node, path)
     return read_once(request.node, path)
 
@@ -224,7 +224,7 @@ def servogen_image(servogen_program: Program) -> Image:
 @pytest.fixture
 def servogen_schedule(request: pytest.FixtureRequest) -> PulseSchedule:
     """Return the schedule that the program should follow."""
-    return _schedule(request.node, _required(request.node, "schedule"))
+    return _schedule(request.node, _required_file(request.node, "schedule"))
 
 
 @pytest.fixture
@@ -279,7 +279,7 @@ def servogen_capture(request: pytest.FixtureRequest, servogen_target: Target) ->
     from servogen.testing.targets import Bench, CaptureRequest, PinCapture, Replay
 
     node = request.node
-    named = _named(node, "schedule")
+    named = _file_option(node, "schedule")
     schedule = None if named is None else _schedule(node, named)
     program = None
     if isinstance(servogen_target, Bench) and servogen_target.programmer is None:
@@ -335,7 +335,7 @@ def servogen_machine(
         stimulus: str | Path | None = None,
         options: SimulatorOptions | None = None,
     ) -> Chip:
-        path = _required(node, "image") if program is None else _beside(node, Path(program))
+        path = _required_file(node, "image") if program is None else _beside(node, Path(program))
         made = read_once(node, path, device)
         if isinstance(servogen_target, Bench) and servogen_target.programmer is None:
             _state(node, "servogen_program", ON_THE_CHIP)
@@ -363,7 +363,7 @@ def servogen_machine(
 
     yield machine
     folder = request.config.getoption("servogen_record")
-    for name, seen in _seen_of_chips(node) if folder else ():
+    for name, seen in _pins_by_chip(node) if folder else ():
         _write(name, seen, request.config.invocation_params.dir / folder)
 
 
@@ -409,7 +409,7 @@ def _mark(node: pytest.Item) -> Mapping[str, Any]:
     return mark.kwargs if mark else {}
 
 
-def _named(node: pytest.Item, key: str) -> Path | None:
+def _file_option(node: pytest.Item, key: str) -> Path | None:
     """Return the file that the test's mark or the command line names; None where they do not."""
     from servogen.programs import BUILT_SCHEDULE
 
@@ -425,9 +425,9 @@ def _named(node: pytest.Item, key: str) -> Path | None:
     return path if key == "image" else schedule if schedule.exists() else None
 
 
-def _required(node: pytest.Item, key: str) -> Path:
+def _required_file(node: pytest.Item, key: str) -> Path:
     """Return the file that the test's mark or the command line names. Raises InputError."""
-    path = _named(node, key)
+    path = _file_option(node, key)
     if path is None:
         raise InputError(
             "missing-option",
@@ -455,7 +455,7 @@ def clock_for(node: pytest.Item, program: Program | None) -> Clock:
     """Return the clock of a program without a schedule, which is read for it if it is named."""
     from servogen.programs import clock_of
 
-    path = _named(node, "image") if program is None else None
+    path = _file_option(node, "image") if program is None else None
     return clock_of(program if path is None else read_once(node, path))
 
 
@@ -485,7 +485,7 @@ def _waves(chip: Chip | SeenChip) -> str:
         return str(error)
 
 
-def _seen_of_chips(node: pytest.Item) -> list[tuple[str, SeenPins]]:
+def _pins_by_chip(node: pytest.Item) -> list[tuple[str, SeenPins]]:
     """Return what was seen of each of the test's chips, with the names of its recordings."""
     from servogen.testing.targets import further
 

@@ -188,14 +188,14 @@ class SeenChip(Signals):
                 self._look = _Look(look.piece, edge_ms)
                 return 1000 * edge_ms
             if look.ms + within <= self._captured_ms(look.piece):
-                raise self._missed(what, within_ms)
+                raise self._failure(what, within_ms)
         begin = float(self._length_ms)
         self._length_ms += Fraction(within)
         self._flush()
         assert self._look is not None
         edge_ms = self._next_edge(self._look.piece, pin, level, begin, begin + within)
         if edge_ms is None:
-            raise self._missed(what, within_ms)
+            raise self._failure(what, within_ms)
         self._look = _Look(self._look.piece, edge_ms)
         return 1000 * edge_ms
 
@@ -302,7 +302,7 @@ class SeenChip(Signals):
     def pin(self, pin: str) -> int:
         """Return the level at a pin at the end of the run, or where `run_until` found its edge."""
         index = pin_index(pin)
-        look = self._looked()
+        look = self._record()
         return self._level_at(look.piece, index, look.ms)
 
     def register(self, name: str) -> int:
@@ -310,7 +310,7 @@ class SeenChip(Signals):
         first = _PORTS.get(name.upper())
         if first is None:
             self._skip(f"register('{name}')", "only PORTA and PORTB, the levels at the pins, are seen")
-        look = self._looked()
+        look = self._record()
         pins = range(first, 5 if first == 0 else len(PINS))
         return sum(self._level_at(look.piece, pin, look.ms) << pin - first for pin in pins)
 
@@ -407,7 +407,7 @@ class SeenChip(Signals):
         if self.seen:
             self._look = _Look(len(self.seen) - 1, begin + float(length))
 
-    def _looked(self) -> _Look:
+    def _record(self) -> _Look:
         self._flush()
         if self._look is None:
             self._length_ms += SMALLEST_STEP_MS
@@ -441,7 +441,7 @@ class SeenChip(Signals):
             before = now
         return None
 
-    def _missed(self, what: str, within_ms: float) -> AssertionError:
+    def _failure(self, what: str, within_ms: float) -> AssertionError:
         last = self.seen[-1].trace
         end = time_words(int(last.end), last.clock)
         return AssertionError(f"{what}: not within {within_ms:g} ms; the capture ends at {end}")

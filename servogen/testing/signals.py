@@ -134,7 +134,7 @@ class Signals(ABC):
         received = b""
         for trace in self.pieces():
             line = _levels(trace, index, undriven=idle, since=Fraction(since_us))
-            received += _decoded(pin.upper(), line, Fraction(baud), idle, _us(trace, trace.end))
+            received += _decode(pin.upper(), line, Fraction(baud), idle, _us(trace, trace.end))
         return received
 
     def _cycles(self, times: Sequence[Moment]) -> list[int]:
@@ -196,7 +196,7 @@ def _levels(trace: EdgeTrace, pin: int, undriven: int, since: Moment) -> list[Le
     return line
 
 
-def _decoded(pin: str, line: Sequence[Level], baud: Fraction, idle: int, end: Moment) -> bytes:
+def _decode(pin: str, line: Sequence[Level], baud: Fraction, idle: int, end: Moment) -> bytes:
     """Return the bytes on a line, as a receiver that samples each bit in its middle reads them."""
     bit = 1_000_000 / baud
     received = bytearray()

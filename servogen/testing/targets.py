@@ -418,18 +418,18 @@ class Bench:
         pins change: a capture that is too short is repeated with more of the analyser's memory.
         """
         if request.schedule is not None:
-            return self._captured(request, request.seconds)
+            return self._capture(request, request.seconds)
         wanted = asked = float(request.clock.seconds(request.cycles))
         held = 0.0
         for _ in range(ATTEMPTS):
-            seen = self._captured(request, asked)
+            seen = self._capture(request, asked)
             held = float(seen.trace.clock.seconds(seen.trace.end))
             if held >= wanted:
                 return seen
             asked = max(asked, float(TYPICAL_PERIOD_S)) * MARGIN * wanted / held
         raise _memory_full(held, wanted)
 
-    def _captured(self, request: CaptureRequest, seconds: float | None) -> SeenPins:
+    def _capture(self, request: CaptureRequest, seconds: float | None) -> SeenPins:
         return self._capture_with(CaptureSettings(triggered=request.schedule is not None), request, seconds)
 
     def _capture_with(

@@ -82,7 +82,7 @@ def set_in_element(text: str, key: Key, index: int, name: str, value: str | None
     if table.type != "inline_table":
         raise ValueError(f"element {index} is not an inline table")
     pairs = [child for child in table.named_children if child.type == "pair"]
-    place = next((number for number, pair in enumerate(pairs) if _name_of(pair) == name), None)
+    place = next((number for number, pair in enumerate(pairs) if _key_name(pair) == name), None)
     if place is None and value is None:
         return text
     if place is None:
@@ -123,7 +123,7 @@ def set_in_table(text: str, key: Key, name: str, value: str) -> str:
     return (raw[:end] + b"\n" + new + raw[end:]).decode()
 
 
-def _name_of(pair: Node) -> str:
+def _key_name(pair: Node) -> str:
     """Return the key of a pair that is one name; a dotted key as it is written."""
     name = pair.named_children[0]
     text = (name.text or b"").decode()

@@ -137,7 +137,7 @@ def unknown_key(document: Document, key: Key, known: Iterable[str]) -> InputErro
         other_stem, other_unit = split_unit(name)
         if other_unit and other_stem == stem:
             if unit:
-                instead = f"{name}{_converted(document, key, unit, other_unit)}"
+                instead = f"{name}{_conversion_text(document, key, unit, other_unit)}"
                 return document.error("wrong-unit", key, f"'{word}' is not given in {unit}: write {instead}")
             return document.error("wrong-unit", key, f"'{word}' has no unit: write {name}")
     return document.error("unknown-key", key, f"unknown key '{word}'", did_you_mean(word, names))
@@ -149,7 +149,7 @@ SI |= {"ma": -3, "a": 0}
 QUANTITIES = (("us", "ms", "s"), ("mm", "cm", "m"), ("hz", "khz", "mhz"), ("mv", "v"), ("ma", "a"))
 
 
-def _converted(document: Document, key: Key, unit: str, other: str) -> str:
+def _conversion_text(document: Document, key: Key, unit: str, other: str) -> str:
     """Return " = 2" for a value of 2000 in ms that should be in s; empty where the units do not fit."""
     value: Any = document.data
     for step in key:
@@ -294,7 +294,7 @@ def _input_error(document: Document, model: type[Table], root: Key, detail: Mapp
                 "wrong-type", key[:-1], f"has too few values: number {where[-1] + 1} is missing"
             )
         return document.error(
-            "missing-key", key[:-1], f"'{key[-1]}' is missing", f"add {_added(model, key, where)}"
+            "missing-key", key[:-1], f"'{key[-1]}' is missing", f"add {_missing_key_text(model, key, where)}"
         )
     if kind == "value_error":
         return document.error("not-allowed", key, str(context["error"]))
@@ -343,7 +343,7 @@ def _type_hint(kind: str, key: Key, given: Any) -> str | None:
     return f"without a point and an exponent: {int(given):_}" if whole else None
 
 
-def _added(model: type[Table], key: Key, where: Key) -> str:
+def _missing_key_text(model: type[Table], key: Key, where: Key) -> str:
     """Return how a missing key is written: a table has its own heading."""
     fields = [table.model_fields.get(str(where[-1])) for table in _tables(model, where[:-1])]
     annotation = next((field.annotation for field in fields if field), None)

@@ -53,10 +53,10 @@ def write_edges(
 
 def recorded(trace: EdgeTrace, writers: Iterable[EdgeWriter]) -> EdgeTrace:
     """Return the same trace, passed to each of `writers` while it is read; read it once and completely."""
-    return EdgeTrace(trace.clock, _passed(trace, tuple(writers)), trace.end)
+    return EdgeTrace(trace.clock, _pass_to_writers(trace, tuple(writers)), trace.end)
 
 
-def _passed(trace: EdgeTrace, writers: tuple[EdgeWriter, ...]) -> Iterator[EdgeChunk]:
+def _pass_to_writers(trace: EdgeTrace, writers: tuple[EdgeWriter, ...]) -> Iterator[EdgeChunk]:
     for chunk in trace.chunks:
         for writer in writers:
             writer.add(chunk)

@@ -129,16 +129,16 @@ def _check(text: str, last: int, place: Location) -> int:
     if not _is_cycle(cycle):
         raise InputError(
             "json-value",
-            f"cycle {_shown(cycle)} is not allowed",
+            f"cycle {_literal(cycle)} is not allowed",
             place,
             "a whole number of instruction cycles since reset, below 10^18",
         )
     if pin not in PINS:
         raise InputError(
-            "unknown-pin", f"pin {_shown(pin)} is not allowed", place, did_you_mean(str(pin), PINS)
+            "unknown-pin", f"pin {_literal(pin)} is not allowed", place, did_you_mean(str(pin), PINS)
         )
     if level not in LEVELS:
-        raise InputError("json-value", f"level {_shown(level)} is not allowed", place, 'allowed: 0, 1, "z"')
+        raise InputError("json-value", f"level {_literal(level)} is not allowed", place, 'allowed: 0, 1, "z"')
     if cycle < last:
         raise InputError(
             "time-order",
@@ -149,7 +149,7 @@ def _check(text: str, last: int, place: Location) -> int:
     return int(cycle)
 
 
-def _shown(value: object) -> str:
+def _literal(value: object) -> str:
     text = repr(value)
     return text if len(text) <= 40 else f"{text[:37]}…"
 

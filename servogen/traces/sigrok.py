@@ -99,11 +99,11 @@ class _Session:
     def _blocks(self) -> Iterator[npt.NDArray[np.uint64]]:
         """Yield the samples as integers."""
         try:
-            yield from self._unpacked()
+            yield from self._unpack()
         except _DAMAGED as error:
             raise InputError("sigrok-syntax", f"is damaged: {error}", Location(str(self.path))) from error
 
-    def _unpacked(self) -> Iterator[npt.NDArray[np.uint64]]:
+    def _unpack(self) -> Iterator[npt.NDArray[np.uint64]]:
         with zipfile.ZipFile(self.path) as archive:
             for piece in self.pieces:
                 with archive.open(piece) as file:

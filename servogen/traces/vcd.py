@@ -473,12 +473,12 @@ class _Parser:
                 if unknown and int(digits) > time:
                     raise _unknown(unknown, token, _place(block, index, path, line)[1])
                 time = int(digits)
-            elif not self._other(token, time, times, pins, levels):
+            elif not self._handle(token, time, times, pins, levels):
                 self._complain(block, index, path, line, time)
         self.time = time
         return times, pins, levels
 
-    def _other(self, token: bytes, time: int, times: list[int], pins: list[int], levels: list[int]) -> bool:
+    def _handle(self, token: bytes, time: int, times: list[int], pins: list[int], levels: list[int]) -> bool:
         """Handle a token that is neither a wanted change nor a time; return False if VCD has no such
         token.
         """

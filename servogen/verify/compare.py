@@ -114,7 +114,7 @@ def _verdict(
     covered: Coverage,
 ) -> Verdict:
     """Return the verdict on a trace in which a scheduled pin rises; `short` says what the trace lacks."""
-    stray = _merged(start.stray, fault.stray if fault else ())
+    stray = _merge_strays(start.stray, fault.stray if fault else ())
     early = _first(start.stray)
     difference = early or (fault.difference if fault else None)
     channels = fault.channels if fault else _exact(expected, seen)
@@ -195,7 +195,7 @@ def _first(stray: tuple[StrayPin, ...]) -> Difference | None:
     )
 
 
-def _merged(before: tuple[StrayPin, ...], after: tuple[StrayPin, ...]) -> tuple[StrayPin, ...]:
+def _merge_strays(before: tuple[StrayPin, ...], after: tuple[StrayPin, ...]) -> tuple[StrayPin, ...]:
     merged = {stray.pin: stray for stray in after}
     for stray in before:
         later = merged.get(stray.pin)

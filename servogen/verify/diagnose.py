@@ -80,9 +80,9 @@ class Diagnosis:
 def diagnose(stretch: TraceStretch, expected: Expected, glitch: int) -> Diagnosis:
     """Return everything that is wrong in `stretch`; pulses of fewer than `glitch` cycles are glitches."""
     pins = np.array([channel.pin for channel in expected.channels], dtype=np.uint8)
-    other = ~np.isin(stretch.observed.pin, pins)
+    unscheduled = ~np.isin(stretch.observed.pin, pins)
     stray = StrayCount()
-    stray.add(stretch.observed.cycle[other] + stretch.start, stretch.observed.pin[other])
+    stray.add(stretch.observed.cycle[unscheduled] + stretch.start, stretch.observed.pin[unscheduled])
     level = stretch.seen.level
     allowed = stretch.seen.together | together(stretch.scheduled, level, pins)
     overlapping = overlap(stretch.observed, allowed, level, pins, stretch.end)
@@ -113,7 +113,7 @@ def first_difference(stretch: TraceStretch, expected: Expected) -> Difference:
         (int(side.cycle[index]), int(side.pin[index])) for side in (ours, theirs) if len(side.cycle) > index
     ]
     time, pin = min(heads)
-    wanted, got = (_next_of(side, pin, index) for side in (ours, theirs))
+    wanted, got = (_next_edge(side, pin, index) for side in (ours, theirs))
     side, row = (ours, wanted) if wanted is not None else (theirs, got)
     frame = _frame_at(stretch, index) if wanted is None else int(ours.frame[wanted])
     # The counterpart is that far away only where the edge itself is the one too many: then the frame around
@@ -131,7 +131,7 @@ def first_difference(stretch: TraceStretch, expected: Expected) -> Difference:
     )
 
 
-def _next_of(side: Edges, pin: int, index: int) -> int | None:
+def _next_edge(side: Edges, pin: int, index: int) -> int | None:
     rows = np.flatnonzero(side.pin[index:] == pin)
     return index + int(rows[0]) if len(rows) else None
 

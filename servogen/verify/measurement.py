@@ -220,8 +220,8 @@ def _counts(values: Mapping[Cycles, int], clock: Clock) -> str:
     words = ", ".join(f"{both(value, clock)} × {values[value]}" for value in sorted(common))
     if len(values) <= MAX_LISTED:
         return words
-    others = len(values) - MAX_LISTED
-    return f"{words} and {others} more, from {both(min(values), clock)} to {both(max(values), clock)}"
+    unlisted = len(values) - MAX_LISTED
+    return f"{words} and {unlisted} more, from {both(min(values), clock)} to {both(max(values), clock)}"
 
 
 def _more(number: int) -> str:
@@ -299,10 +299,10 @@ class TrainBuilder:
             nothing = np.zeros(0, dtype=np.int64)
             return Train(first=nothing, count=nothing, width=nothing, period=nothing, open_rise=still_open)
         first, count, width, period = (np.concatenate(column) for column in zip(*self._parts, strict=True))
-        return _merged(first, count, width, period, still_open)
+        return _join_rows(first, count, width, period, still_open)
 
 
-def _merged(first: Ints, count: Ints, width: Ints, period: Ints, still_open: int | None) -> Train:
+def _join_rows(first: Ints, count: Ints, width: Ints, period: Ints, still_open: int | None) -> Train:
     """Return the train with equal rows joined that were divided only by the border of a window."""
     starts = np.concatenate(([0], np.flatnonzero((np.diff(width) != 0) | (np.diff(period) != 0)) + 1))
     return Train(
@@ -355,8 +355,8 @@ def measure_pin(pin: int, train: Train) -> PinMeasurement:
         pin=pin,
         pulses=int(train.count.sum()),
         first=Cycles(int(train.first[0])),
-        widths=_counted(train.width, train.count),
-        periods=_counted(train.period[steady], train.count[steady]),
+        widths=_occurrences(train.width, train.count),
+        periods=_occurrences(train.period[steady], train.count[steady]),
         period=Cycles(period) if period else None,
         kinds=tuple(_kinds(train.width[steady], train.period[steady], train.count[steady])),
         pauses=tuple(_pauses(train, paused)),
@@ -374,7 +374,7 @@ def _median(values: Ints, counts: Ints) -> int:
     return int(values[order][np.searchsorted(below, (below[-1] + 1) // 2)])
 
 
-def _counted(values: Ints, counts: Ints) -> dict[Cycles, int]:
+def _occurrences(values: Ints, counts: Ints) -> dict[Cycles, int]:
     """Return how often each value occurs, by value."""
     distinct, indices = np.unique(values, return_inverse=True)
     totals = np.zeros(len(distinct), dtype=np.int64)
@@ -385,7 +385,7 @@ def _counted(values: Ints, counts: Ints) -> dict[Cycles, int]:
 def _kinds(width: Ints, period: Ints, count: Ints) -> Iterator[FrameKind]:
     for value in np.unique(width).tolist():
         own = width == value
-        periods = _counted(period[own], count[own])
+        periods = _occurrences(period[own], count[own])
         frames = sum(periods.values())
         if frames > 1:
             yield FrameKind(Cycles(value), frames, max(periods, key=lambda cycles: periods[cycles]))

@@ -147,7 +147,7 @@ def masks(edges: Edges, initial: Levels, pins: Levels) -> tuple[Ints, Ints]:
 def pairs(mask: int) -> set[tuple[int, int]]:
     """Return the pairs of pins that are high together in `mask`."""
     high = [pin for pin in range(len(PINS)) if mask >> pin & 1]
-    return {(one, other) for one in high for other in high if one < other}
+    return {(lower, higher) for lower in high for higher in high if lower < higher}
 
 
 def together(edges: Edges, initial: Levels, pins: Levels) -> set[tuple[int, int]]:

@@ -239,8 +239,8 @@ class Verdict(Judgement):
     @property
     def edges_agree(self) -> bool:
         """Return whether the observed edges are the schedule's, regardless of warnings."""
-        others = len(self.chip_dependent) + len(self.unseen)
-        return len(self.reasons) == others
+        explained = len(self.chip_dependent) + len(self.unseen)
+        return len(self.reasons) == explained
 
     def with_warnings(
         self, warnings: tuple[Diagnostic, ...], chip_dependent: frozenset[str] = frozenset()

@@ -69,7 +69,7 @@ class Editor:
                 return self._record(text, [float(angle) for angle in request["angles"]]), None
             if what == "pose":
                 return self._change(text, request), None
-            found = run(partial(self._found, text), LIMITS, stop)
+            found = run(partial(self._good_text, text), LIMITS, stop)
             if what == "check":
                 return found, None
             changed = self._changed(text, request)
@@ -81,7 +81,7 @@ class Editor:
                 return {**found, "saved": True}, None
             return run(partial(self._build, text), LIMITS, stop)
         except ServogenError as error:
-            return {**_checked(error.diagnostics), "failed": what in ("save", "build")}, None
+            return {**_diagnostics_message(error.diagnostics), "failed": what in ("save", "build")}, None
         except Stopped:
             return {"is": "stopped", "saved": saved}, None
         except (LimitExceeded, ProcessDied) as error:
@@ -89,8 +89,8 @@ class Editor:
         except (ValueError, TypeError, KeyError, IndexError) as error:
             return {"is": "problem", "text": f"the request is wrong: {error}", "about": what}, None
 
-    def _found(self, text: str) -> Message:
-        return _found(plan_job(loads(text, str(self._path))))
+    def _good_text(self, text: str) -> Message:
+        return _good_text(plan_job(loads(text, str(self._path))))
 
     def _changed(self, text: str, request: Mapping[str, Any]) -> Message | None:
         """Return the file's text if it is neither what the window may overwrite nor what it would write."""
@@ -101,7 +101,7 @@ class Editor:
 
     def _build(self, text: str) -> tuple[Message, Subject]:
         job = plan_job(loads(text, str(self._path)))
-        answer = _built_pair(build_pair(job)) if job.chips else _built(build(job))
+        answer = _pair_message(build_pair(job)) if job.chips else _build_message(build(job))
         return answer, job_subject(self._path, job, self._setting)
 
     def _record(self, text: str, angles: list[float]) -> Message:
@@ -118,7 +118,7 @@ class Editor:
                 "this job does not move by poses: its servos follow another section",
                 job.document.place("servo"),
             )
-        return self._edited(new)
+        return self._unsaved_text(new)
 
     def _change(self, text: str, request: Mapping[str, Any]) -> Message:
         """Return the text with one of its poses moved, removed, or with another time or other angles."""
@@ -140,9 +140,9 @@ class Editor:
                 new = _in_array(job, partial(set_in_element, new, POSES, index, name, degrees))
         else:
             raise ValueError(f"'{str(kind)[:40]}' is not a change of a pose")
-        return self._edited(new)
+        return self._unsaved_text(new)
 
-    def _edited(self, text: str) -> Message:
+    def _unsaved_text(self, text: str) -> Message:
         return {"is": "editor", "name": self._path.name, "text": text, "saved": False}
 
 
@@ -187,7 +187,7 @@ def _pose(job: Job, angles: Sequence[float]) -> str:
     return f"{{ {', '.join(parts)}, hold_s = {HOLD_S} }}"
 
 
-def _found(job: PlannedJob) -> Message:
+def _good_text(job: PlannedJob) -> Message:
     """Return the diagnostics of a job that can be built, with its poses in seconds and radians."""
     tables = job.section.poses if isinstance(job.section, MotionTable) else ()
     poses = [
@@ -200,10 +200,10 @@ def _found(job: PlannedJob) -> Message:
         }
         for table, pose, (line, lines) in zip(tables, job.poses, pose_lines(job), strict=True)
     ]
-    return {**_checked((*job.warnings, *job.notes)), "poses": poses, "motion": motion_of(job)}
+    return {**_diagnostics_message((*job.warnings, *job.notes)), "poses": poses, "motion": motion_of(job)}
 
 
-def _checked(diagnostics: tuple[Diagnostic, ...]) -> Message:
+def _diagnostics_message(diagnostics: tuple[Diagnostic, ...]) -> Message:
     """Return the diagnostics of the text; it can be built if none of them is an error."""
     return {
         "is": "checked",
@@ -212,7 +212,7 @@ def _checked(diagnostics: tuple[Diagnostic, ...]) -> Message:
     }
 
 
-def _built(result: Build) -> Message:
+def _build_message(result: Build) -> Message:
     own = result.programs[0]
     return {
         "is": "built",
@@ -226,8 +226,8 @@ def _built(result: Build) -> Message:
     }
 
 
-def _built_pair(result: PairBuild) -> Message:
-    parts = [_built(chip) for chip in result.chips]
+def _pair_message(result: PairBuild) -> Message:
+    parts = [_build_message(chip) for chip in result.chips]
     verdicts = result.verdicts.values()
     return {
         "is": "built",

@@ -74,8 +74,8 @@ def watched_program(
     program = within_limits(lambda: task.read(submission), submission.file, task.compiling)
     pins = dict(result.grade.pins)
     servos = [
-        {**servo_model(one.servo, index), "pin": PINS.index(pins.get(one.servo.name, one.servo.pin))}
-        for index, one in enumerate(lab.servos)
+        {**servo_model(each.servo, index), "pin": PINS.index(pins.get(each.servo.name, each.servo.pin))}
+        for index, each in enumerate(lab.servos)
     ]
     begin = Cycles(0 if film is None else round(film.moment_us / float(lab.clock.cycle_us)))
     return Subject(

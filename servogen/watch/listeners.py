@@ -149,8 +149,8 @@ class BusListener:
             self._value = self._value << 1 & 0xFF | bit
             return
         if self._begin is not None:
-            way = "RW"[not self._value & 1]
-            byte = f"S {self._value >> 1:02X} {way}" if self._address else f"{self._value:02X}"
+            direction = "RW"[not self._value & 1]
+            byte = f"S {self._value >> 1:02X} {direction}" if self._address else f"{self._value:02X}"
             self._said.append(Said(self._begin, cycle, f"{byte} {'N' if bit else 'A'}"))
         self._bits, self._address, self._begin = 0, False, None
 

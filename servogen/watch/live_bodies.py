@@ -77,10 +77,10 @@ class LiveBodies:
             "is": "bodies",
             "seconds": round(moment.seconds, 6),
             "behind": round(behind, 3),
-            "points": _packed([line.frames[0] for line in moment.lines]),
+            "points": _tenths_of_mm([line.frames[0] for line in moment.lines]),
             "force": np.round(moment.force, 1).tolist(),
             "pose": [
-                *_packed([np.array([x, y, z - self._twin.settings.ground.level])]),
+                *_tenths_of_mm([np.array([x, y, z - self._twin.settings.ground.level])]),
                 round(float(yaw), 4),
             ],
         }
@@ -90,7 +90,7 @@ class LiveBodies:
         self._twin.history.forget(cycle)
 
 
-def _packed(metres: Sequence[npt.NDArray[np.float64]]) -> list[int]:
+def _tenths_of_mm(metres: Sequence[npt.NDArray[np.float64]]) -> list[int]:
     """Return lengths in tenths of a millimetre, one after the other."""
     flat = np.concatenate([np.zeros(0), *(np.asarray(array).ravel() for array in metres)])
     return list(np.rint(1e4 * flat).astype(int).tolist())

@@ -270,7 +270,7 @@ class Room:
         """Let the simulated time of every running window pass."""
         for window in list(self.windows.values()):
             if window.session is not None and window.alive:
-                self._answer(window, _guarded(window.session, lambda s: s.tick(elapsed)))
+                self._answer(window, _guard(window.session, lambda s: s.tick(elapsed)))
 
     def _answer(self, window: Window, messages: Iterator[Message]) -> None:
         for message in messages:
@@ -335,7 +335,7 @@ class Room:
                 await asyncio.sleep(0)  # one request of each window in turn, however many have come
                 message = _request(text)
                 if window is None:
-                    window = self._opened(str(message.get("window", ""))[:64], socket, message)
+                    window = self._open_window(str(message.get("window", ""))[:64], socket, message)
                     continue
                 if message.get("do") == "stop":
                     window.end_work("save", "build")
@@ -344,7 +344,7 @@ class Room:
                 elif window.session is not None and message.get("do") == "chip":
                     self._turn(window, window.session, message.get("number"))
                 elif window.session is not None:
-                    self._answer(window, _guarded(window.session, lambda s: s.handle(message)))  # noqa: B023
+                    self._answer(window, _guard(window.session, lambda s: s.handle(message)))  # noqa: B023
         except ConnectionClosed:
             pass
         finally:
@@ -353,7 +353,7 @@ class Room:
                 window.end_work("check")
                 self._forget()
 
-    def _opened(
+    def _open_window(
         self, name: str, socket: ServerConnection, place: Mapping[str, Any] = MappingProxyType({})
     ) -> Window:
         """Return the window of that name as it was; a new one where none is, or where it is open already.
@@ -558,7 +558,7 @@ class WatchServer:
         return True
 
 
-def _guarded(session: WatchSession, work: Callable[[WatchSession], Iterator[Message]]) -> Iterator[Message]:
+def _guard(session: WatchSession, work: Callable[[WatchSession], Iterator[Message]]) -> Iterator[Message]:
     """Yield a session's messages; if the session fails, report that to the window and pause."""
     try:
         yield from work(session)

@@ -439,10 +439,10 @@ class WatchSession:
             "running": self.running,
             "widths": self._pulses.widths(self.now, SILENT_FRAMES * self._period),
             "levels": self._levels(),
-            "planned": self.now < self._intervened_at(),
+            "planned": self.now < self._first_intervention(),
         }
-        if self._intervened_at() < inf:
-            message["intervened"] = self._intervened_at()
+        if self._first_intervention() < inf:
+            message["intervened"] = self._first_intervention()
         if not self.running:
             message["held"] = self._pulses.held
         if self.listener is not None and (received := self.listener.taken()):
@@ -601,7 +601,7 @@ class WatchSession:
         before = self._levels_before(begin)
         cycle, pin, level = self._edges(begin, seen)
         edges = EdgeChunk(cycle[:MAX_EDGES], pin[:MAX_EDGES], level[:MAX_EDGES])
-        asked, alone = self._asked(begin, end, seen)
+        asked, alone = self._scheduled_edges(begin, end, seen)
         given = self._outside(begin, seen)
         inside = [edge for edge in given if edge[0] >= begin]
         outside = {edge[1]: edge[2] for edge in given if edge[0] < begin}
@@ -611,16 +611,16 @@ class WatchSession:
             "end": end,
             "seen": seen,
             "before": list(before),
-            "pulses": _packed_pulses(_pulses_in(before, edges, begin, max(begin, seen)), begin),
-            "floating": _packed(_floating(before, edges), begin),
-            "inputs": _packed(inside, begin),
+            "pulses": _pulse_deltas(_pulses_in(before, edges, begin, max(begin, seen)), begin),
+            "floating": _edge_deltas(_floating(before, edges), begin),
+            "inputs": _edge_deltas(inside, begin),
             "inputs_before": outside,
-            "said": self._said(begin, seen, (before, edges), (outside, inside)),
-            "wanted": _packed(asked, begin),
-            "differing": _packed(alone, begin),
+            "said": self._decoded_lines(begin, seen, (before, edges), (outside, inside)),
+            "wanted": _edge_deltas(asked, begin),
+            "differing": _edge_deltas(alone, begin),
         }
 
-    def _said(
+    def _decoded_lines(
         self,
         begin: int,
         seen: int,
@@ -671,25 +671,25 @@ class WatchSession:
         source = self._latest if self._latest.has(begin, begin) else self.place
         return source.levels_before(begin)
 
-    def _intervened_at(self) -> float:
+    def _first_intervention(self) -> float:
         """Return the cycle from which the pins follow this window's hands, of which no schedule speaks."""
         return self.chip.touched if self.chip is not None else inf
 
-    def _wanted(self) -> tuple[ScheduledEdges, ...]:
+    def _schedules(self) -> tuple[ScheduledEdges, ...]:
         """Return the scheduled edges for comparison, up to the first intervention."""
-        end = self._intervened_at()
+        end = self._first_intervention()
         return tuple(
             wanted if end == inf else replace(wanted, end=int(end)) for wanted in self.subject.wanted
         )
 
-    def _asked(self, begin: int, end: int, seen: int) -> tuple[list[Edge], list[Edge]]:
+    def _scheduled_edges(self, begin: int, end: int, seen: int) -> tuple[list[Edge], list[Edge]]:
         """Return the scheduled edges of a window, and the edges up to `seen` that only one side has."""
         asked: list[Edge] = []
         alone: list[Edge] = []
-        for wanted in self._wanted():
+        for wanted in self._schedules():
             first = max(0, begin - wanted.margin)
             last = min(seen + wanted.margin, int(self.place.reach))
-            made = _driven(self._levels_before(first), self._edges(first, last))
+            made = _undriven_as_low(self._levels_before(first), self._edges(first, last))
             around = wanted.edges(begin - wanted.margin, end + wanted.margin)
             asked += [edge for edge in around if begin <= edge[0] < end]
             near = [edge for edge in around if edge[0] < seen + wanted.margin]
@@ -963,7 +963,7 @@ def _without_bodies(error: ServogenError) -> Message:
     return {"is": "bodies-model", "model": None, "text": str(error)}
 
 
-def _packed(edges: Iterable[Edge], begin: int) -> list[int]:
+def _edge_deltas(edges: Iterable[Edge], begin: int) -> list[int]:
     """Return edges as differences of cycles and pin * 4 + level, one after the other."""
     packed, last = [], begin
     for cycle, pin, level in islice(edges, MAX_EDGES):
@@ -981,7 +981,7 @@ def _pulses_in(before: tuple[int, ...], edges: EdgeChunk, begin: int, end: int) 
     return joined([reader(edges), reader.cut(end)])
 
 
-def _packed_pulses(pulses: Pulses, begin: int) -> list[int]:
+def _pulse_deltas(pulses: Pulses, begin: int) -> list[int]:
     """Return pulses as the time since the rise before, the width and the pin, one after the other."""
     pulses = pulses.take(np.argsort(pulses.rise, kind="stable"))
     columns = (np.diff(pulses.rise, prepend=begin), pulses.width, pulses.pin)
@@ -997,7 +997,7 @@ def _floating(before: tuple[int, ...], edges: EdgeChunk) -> Iterator[Edge]:
         levels[pin] = level
 
 
-def _driven(before: tuple[int, ...], edges: EdgeChunk) -> EdgeChunk:
+def _undriven_as_low(before: tuple[int, ...], edges: EdgeChunk) -> EdgeChunk:
     """Return the edges with an undriven pin counted as low, given the levels before them."""
     driven = Driven()
     high = [pin for pin, level in enumerate(before) if level == HIGH]
@@ -1037,16 +1037,16 @@ def _schedule(subject: Subject) -> Message | None:
     order = [names.index(servo.name) for servo in subject.job.servos]
     waiting = Run(first.lead_in_frames - second.lead_in_frames, (None,) * len(second.channels))
 
-    def joined_runs(one: tuple[Run, ...], other: tuple[Run, ...]) -> list[list[Any]]:
+    def pair_runs(leads: tuple[Run, ...], follows: tuple[Run, ...]) -> list[list[Any]]:
         frames = (
-            tuple((*mine, *others)[place] for place in order)
-            for mine, others in zip(_frames(one), _frames(other), strict=True)
+            tuple((*mine, *theirs)[place] for place in order)
+            for mine, theirs in zip(_frames(leads), _frames(follows), strict=True)
         )
         return _runs(tuple(Run(len(list(alike)), pulses) for pulses, alike in groupby(frames)))
 
     return {
-        "lead_in": joined_runs(first.lead_in, (waiting, *second.lead_in)),
-        "loop": joined_runs(first.loop, second.loop),
+        "lead_in": pair_runs(first.lead_in, (waiting, *second.lead_in)),
+        "loop": pair_runs(first.loop, second.loop),
     }
 
 

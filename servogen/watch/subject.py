@@ -189,10 +189,10 @@ def check(path: Path) -> None:
 
 def load_subject(path: Path, setting: Setting, progress: Callable[[str], None] = lambda _: None) -> Subject:
     """Return the subject in a file, to be shown from the moment of the setting. Raises InputError."""
-    return replace(_loaded(path, setting, progress), begin=Cycles(setting.at_cycle))
+    return replace(_read_subject(path, setting, progress), begin=Cycles(setting.at_cycle))
 
 
-def _loaded(path: Path, setting: Setting, progress: Callable[[str], None]) -> Subject:
+def _read_subject(path: Path, setting: Setting, progress: Callable[[str], None]) -> Subject:
     given, path = path, program_file(path)
     suffix = path.suffix.lower()
     if suffix == JOB_SUFFIX:
@@ -219,9 +219,9 @@ def _loaded(path: Path, setting: Setting, progress: Callable[[str], None]) -> Su
             job=job,
             remarks=(*program.remarks, *program.warnings),
         )
-        return _compared(subject, progress)
+        return _beside_schedule(subject, progress)
     progress("reading")
-    return replace(_recorded(path, setting, progress), job=job)
+    return replace(_recording(path, setting, progress), job=job)
 
 
 def _against(setting: Setting, progress: Callable[[str], None]) -> tuple[Setting, PlannedJob | None]:
@@ -257,7 +257,7 @@ def job_subject(
         stated=job,
         remarks=firmware.warnings,
     )
-    return _compared(subject, progress)
+    return _beside_schedule(subject, progress)
 
 
 def _pair_subject(path: Path, job: PlannedJob, setting: Setting, progress: Callable[[str], None]) -> Subject:
@@ -281,7 +281,7 @@ def _pair_subject(path: Path, job: PlannedJob, setting: Setting, progress: Calla
         remarks=firmware.warnings,
         pair=pair,
     )
-    return _compared(subject, progress)
+    return _beside_schedule(subject, progress)
 
 
 def theorem_of(subject: Subject) -> str:
@@ -300,12 +300,12 @@ def theorem_of(subject: Subject) -> str:
     return "; ".join([f"chip {1 + subject.shown}: {sentence}", *equal_rates(subject.pair.schedules[1])])
 
 
-def _recorded(path: Path, setting: Setting, progress: Callable[[str], None]) -> Subject:
+def _recording(path: Path, setting: Setting, progress: Callable[[str], None]) -> Subject:
     """Return a recording: edges in cycles of the chip, or the samples of an analyser."""
     schedule = setting.schedule
     if not is_capture(path):
         clock = schedule.clock if schedule else Clock(setting.clock_hz or 4_000_000)
-        return _compared(
+        return _beside_schedule(
             Subject(
                 path, clock, trace=read_edges(path, clock, wires=setting.wires).stored(), schedule=schedule
             ),
@@ -316,10 +316,10 @@ def _recorded(path: Path, setting: Setting, progress: Callable[[str], None]) -> 
     if schedule is None:
         return subject
     progress("comparing with the schedule")
-    return _judged(subject, schedule, capture)
+    return _beside_capture(subject, schedule, capture)
 
 
-def _judged(subject: Subject, schedule: PulseSchedule, capture: Capture) -> Subject:
+def _beside_capture(subject: Subject, schedule: PulseSchedule, capture: Capture) -> Subject:
     """Return an analyser's capture with the schedule laid beside it where `verify` finds it."""
     trace, first = subject.trace, first_rise(schedule)
     assert trace is not None
@@ -351,7 +351,7 @@ def _judged(subject: Subject, schedule: PulseSchedule, capture: Capture) -> Subj
     return replace(judged, first_difference=trace.clock.round_seconds(verdict.first_mismatch.time_us / 1e6))
 
 
-def _compared(subject: Subject, progress: Callable[[str], None]) -> Subject:
+def _beside_schedule(subject: Subject, progress: Callable[[str], None]) -> Subject:
     """Return the subject with the schedule laid beside it, from its first pulse on."""
     schedule = subject.schedule
     if schedule is None:

@@ -405,16 +405,16 @@ def _shorter_pulses(job: PlannedJob, shares: Shares) -> Iterator[JobChange]:
             replace(used, longest=min(used.longest, job.clock.round_us(cap).cycles)) for used in shares.pulses
         ]
         servos = [
-            _limited(servo, cap) if width > cap else servo
+            _shorter_servo(servo, cap) if width > cap else servo
             for servo, width in zip(job.servos, longest, strict=True)
         ]
         shorter = replace(shares, pulses=tuple(short)).frame(servos, job.frame, job.clock)
         if shorter.minimum <= job.frame.period.cycles:
-            yield from _capped(job, [index for index, width in enumerate(longest) if width > cap], cap)
+            yield from _cap_change(job, [index for index, width in enumerate(longest) if width > cap], cap)
             return
 
 
-def _capped(job: PlannedJob, servos: list[int], cap_us: int) -> Iterator[JobChange]:
+def _cap_change(job: PlannedJob, servos: list[int], cap_us: int) -> Iterator[JobChange]:
     """Yield the change that limits these servos to pulses of `cap_us`, and their poses with them."""
     poses = job.document.data["motion"]["poses"]
     edits: dict[Key, object] = {}
@@ -438,7 +438,7 @@ def _capped(job: PlannedJob, servos: list[int], cap_us: int) -> Iterator[JobChan
     yield JobChange(edits, f"{limits}, and no pose beyond")
 
 
-def _limited(servo: Servo, width_us: float) -> Servo:
+def _shorter_servo(servo: Servo, width_us: float) -> Servo:
     """Return the servo with pulses of at most `width_us`."""
     limit = _limit(servo, servo.angle(width_us), outward=False)
     return servo if limit is None else _with_limit(servo, *limit)
@@ -484,7 +484,7 @@ def tried_fit(job: PlannedJob, change: JobChange) -> ResourceUse | None:
     try:
         other = plan_job(changed(job, change.edits))
         parts = [planned(each) for each in (chip_jobs(other) if other.chips else (other,))]
-        taken = [each for part in parts if (each := _taken(part)) is not None]
+        taken = [each for part in parts if (each := _resource_use(part)) is not None]
     except ServogenError:
         return None
     if len(taken) < len(parts) or len({part.plan.schedule.period for part in parts}) > 1:
@@ -493,7 +493,7 @@ def tried_fit(job: PlannedJob, change: JobChange) -> ResourceUse | None:
     return ResourceUse(max(words), sum(data), max(errors), len(parts))
 
 
-def _taken(played: PlayedJob) -> ResourceUse | None:
+def _resource_use(played: PlayedJob) -> ResourceUse | None:
     firmware = played.make(played.job.firmware.dialect)
     if any(room.left is None or room.left < 0 for room in firmware.timing_budgets):
         return None

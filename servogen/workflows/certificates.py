@@ -158,7 +158,7 @@ def proved(file: Path, image: Image, schedule: PulseSchedule) -> CertificateVerd
 
     Raises ToolError.
     """
-    found, verdict = _found([file], image, schedule)
+    found, verdict = _find_certificate([file], image, schedule)
     if verdict.valid:
         if found != file and found is not None:
             file.parent.mkdir(parents=True, exist_ok=True)
@@ -208,10 +208,10 @@ def kept(files: Iterable[Path], image: Image, schedule: PulseSchedule) -> Certif
     """Return the checker's verdict on the first of `files`, or in the cache, that is a certificate of exactly
     this program, schedule and tape.
     """
-    return _found(files, image, schedule)[1]
+    return _find_certificate(files, image, schedule)[1]
 
 
-def _found(
+def _find_certificate(
     files: Iterable[Path], image: Image, schedule: PulseSchedule
 ) -> tuple[Path | None, CertificateVerdict]:
     text, tape = schedule.json_text().encode(), tape_of(schedule)
@@ -222,7 +222,7 @@ def _found(
         with suppress(InputError):  # a broken file is none
             claim = _claim(file) if file.is_file() else None
             if claim and (claim.image, claim.schedule, claim.tape) == own:
-                return file, _checked(claim, image, schedule)
+                return file, _check(claim, image, schedule)
     return None, CertificateVerdict("not proven yet", False, missing=True)
 
 
@@ -230,14 +230,14 @@ def checked(file: Path, image: Image, schedule: PulseSchedule) -> CertificateVer
     """Return the checker's verdict on a certificate, if it exists. Raises InputError if it is malformed."""
     if not file.exists():
         return CertificateVerdict("no certificate", False, missing=True)
-    return _checked(_claim(file), image, schedule)
+    return _check(_claim(file), image, schedule)
 
 
 def _claim(file: Path) -> Certificate:
     return read_certificate(read_input(file, MAX_CERTIFICATE_BYTES), str(file))
 
 
-def _checked(claim: Certificate, image: Image, schedule: PulseSchedule) -> CertificateVerdict:
+def _check(claim: Certificate, image: Image, schedule: PulseSchedule) -> CertificateVerdict:
     text = schedule.json_text().encode()
     try:
         result = check_certificate(claim, image, text, "schedule.json", tape=tape_of(schedule))

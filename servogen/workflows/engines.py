@@ -68,7 +68,7 @@ def planned(job: PlannedJob) -> PlayedJob:
             "`servogen build` writes both programs into one folder for verify, capture and flash; its "
             "chip1/ and chip2/ are builds for commands of one program",
         )
-    played = _planned(job)
+    played = _choose_engine(job)
     schedule = replace(played.plan.schedule, device=job.device.name)
     plan = replace(played.plan, schedule=schedule)
     if played.tour is None:
@@ -143,14 +143,14 @@ def with_end_error(job: PlannedJob, plan: PulsePlan) -> PulsePlan:
     return replace(plan, schedule=replace(plan.schedule, plan_error=error))
 
 
-def _planned(job: PlannedJob) -> PlayedJob:
+def _choose_engine(job: PlannedJob) -> PlayedJob:
     names = _suitable(job)
     if len(names) == 1:
-        return _played_by(names[0], job)
+        return _plan_with(names[0], job)
     refused: list[InputError | ResourceError] = []
     for name in names:
         try:
-            played = _played_by(name, job)
+            played = _plan_with(name, job)
             played.make(job.firmware.dialect)
         except (InputError, ResourceError) as error:
             refused.append(error)
@@ -170,7 +170,7 @@ BENT_US = 2.0
 """A calibration whose points are farther than this off a straight line is named where the pulses miss."""
 
 
-def _bent(job: PlannedJob) -> str:
+def _bend_text(job: PlannedJob) -> str:
     """Return the servo whose calibration is least straight, in words: an engine that stores a motion once for
     several servos follows straight ones only; empty if all are straight.
     """
@@ -201,14 +201,14 @@ def _suitable(job: PlannedJob) -> Sequence[str]:
     return suitable({each.kind for each in job.inputs})
 
 
-def _played_by(name: str, job: PlannedJob) -> PlayedJob:
+def _plan_with(name: str, job: PlannedJob) -> PlayedJob:
     played = engine_named(name).plan(job)
     error, limit = played.plan.schedule.plan_error, job.firmware.max_error_us
     if error is not None and error.width_us > limit:
         raise ResourceError(
             "beyond-max-error",
             f"{job.name}: planned, but the pulses of {engine_named(name).title} would be up to "
-            f"{error.text()} from the plan: max_error_us allows {limit:g} µs{_bent(job)}",
+            f"{error.text()} from the plan: max_error_us allows {limit:g} µs{_bend_text(job)}",
             job.document.place("firmware", "max_error_us"),
         )
     motion = replace(job, trajectory=played.trajectory, notes=(*job.notes, *played.notes))

@@ -72,7 +72,7 @@ def film_page(lab: Lab, submission: Submission, grade: Grade, link: str = "", no
             for lab_servo, row, servo in zip(lab.servos, film.rows, servos, strict=True)
         ],
     }
-    return _rendered(
+    return _render(
         "film.html.j2",
         name=shown_name(name),
         command=watch_command(lab, submission, grade),
@@ -109,7 +109,7 @@ def class_page(
         }
         for page, result, link in zip(names, graded, links or [""] * len(graded), strict=True)
     ]
-    return _rendered(
+    return _render(
         "class.html.j2",
         title=lab.title,
         passed=sum(result.grade.passed for result in graded),
@@ -121,7 +121,7 @@ def class_page(
     )
 
 
-def _rendered(template: str, **values: object) -> str:
+def _render(template: str, **values: object) -> str:
     environment = Environment(
         undefined=StrictUndefined, autoescape=True, trim_blocks=True, lstrip_blocks=True
     )

@@ -239,7 +239,7 @@ def _power_up(lab: Lab, program: Runnable, chip: Sequence[ChipDifference], track
     seconds = lab.watch_s
     while True:
         end = Cycles(lab.clock.round_seconds(seconds))
-        more = _kept(running.stream(end - running.cycles), chunks)
+        more = _keep_chunks(running.stream(end - running.cycles), chunks)
         watched = watch(EdgeTrace(lab.clock, chain(tuple(chunks), more), end))
         grade = judge(lab, watched, _facts(running.state(), program))
         if grade.passed and _repeats(again, grade.rounds, seen):
@@ -249,7 +249,7 @@ def _power_up(lab: Lab, program: Runnable, chip: Sequence[ChipDifference], track
         seconds = min(2 * seconds, lab.longest_watch_s)
 
 
-def _kept(chunks: Iterable[EdgeChunk], kept: list[EdgeChunk]) -> Iterator[EdgeChunk]:
+def _keep_chunks(chunks: Iterable[EdgeChunk], kept: list[EdgeChunk]) -> Iterator[EdgeChunk]:
     """Yield chunks of edges, and keep them."""
     for chunk in chunks:
         kept.append(chunk)
@@ -349,7 +349,7 @@ def _in_forks(
         if isinstance(result, Compiled):
             compiled[index] = result
         else:
-            yield index, _failed(submissions[index], task.lab, "compiling it", result)
+            yield index, _failure(submissions[index], task.lab, "compiling it", result)
     indices = sorted(compiled)
     runs = [partial(grade_program, task.lab, compiled[index]) for index in indices]
     for number, grade in run_each(runs, task.running, at_once):
@@ -360,7 +360,7 @@ def _in_forks(
             yield index, Graded(submissions[index], replace(grade, remarks=remarks), code=code)
         else:
             activity = f"running it for {float(task.lab.watch_s):g} s of the chip's time"
-            yield index, _failed(submissions[index], task.lab, activity, grade)
+            yield index, _failure(submissions[index], task.lab, activity, grade)
 
 
 def _compile(read: Read, submission: Submission) -> Compiled:
@@ -382,7 +382,7 @@ def _for_students(remark: Diagnostic) -> Diagnostic:
     return replace(remark, message=visible(remark.message), location=place)
 
 
-def _failed(submission: Submission, lab: Lab, activity: str, error: Exception) -> Graded:
+def _failure(submission: Submission, lab: Lab, activity: str, error: Exception) -> Graded:
     """Return the grade of a program that failed with `error` during `activity`."""
     if isinstance(error, InputError):
         return Graded(submission, refused(lab.name, message(f"the program cannot be run:\n{error}")))
@@ -435,11 +435,11 @@ def grade_in_fresh_process(submissions: Sequence[Submission], task: GradingTask)
     except subprocess.TimeoutExpired as error:
         if len(submissions) == 1:  # where processes cannot be forked
             late = LimitExceeded(Resource.TIME, WorkLimits(seconds=error.timeout))
-            return [_failed(submissions[0], task.lab, "compiling and running it", late)]
+            return [_failure(submissions[0], task.lab, "compiling and running it", late)]
         why = f"its process had not ended after {error.timeout:g} s"
     if len(submissions) > 1:
         return [graded for submission in submissions for graded in grade_in_fresh_process([submission], task)]
-    return [_failed(submissions[0], task.lab, "", ToolError("grading-failed", why))]
+    return [_failure(submissions[0], task.lab, "", ToolError("grading-failed", why))]
 
 
 def serve() -> None:
@@ -490,7 +490,7 @@ def _results(future: Future[list[Graded]], batch: Sequence[Submission], task: Gr
     if error is None:
         return future.result()
     lost = ToolError("grading-failed", f"its worker ended: {type(error).__name__}: {error}")
-    return [_failed(submission, task.lab, "", lost) for submission in batch]
+    return [_failure(submission, task.lab, "", lost) for submission in batch]
 
 
 @contextmanager

@@ -120,7 +120,7 @@ def centred(job: Job) -> tuple[tuple[Horn, ...], PlannedJob]:
         horns = horns_of(plan_job(job))
     except ServogenError as error:
         try:
-            horns = horns_of(plan_job(changed(job, dict(_unbounded(job)))), job)
+            horns = horns_of(plan_job(changed(job, dict(_widest_limits(job)))), job)
         except ServogenError:
             raise error from None
         if between := [horn for horn in horns if horn.between]:
@@ -180,7 +180,7 @@ def _beside(horns: list[Horn]) -> str:
     return f"{said}: turn its bracket, or measure zero_deg once the horn is on"
 
 
-def _unbounded(job: Job) -> Iterator[tuple[Key, object]]:
+def _widest_limits(job: Job) -> Iterator[tuple[Key, object]]:
     """Yield edits with which servos that turn joints go as far as a file can say, about the same middle."""
     turning = {binding.servo for binding in job.bindings}
     for index, servo in enumerate(job.servos):

@@ -425,7 +425,7 @@ def imported(
         asked = plan_job(loads(made, file))
         try:
             progress(f"planning {counted(len(poses), 'pose')}")
-            played = None if asked.stream is not None else _played(asked)
+            played = None if asked.stream is not None else _compile(asked)
         except ResourceError as error:
             raise _too_long(motion, text, poses, file, error.message, progress) from error
         result = Imported(made, len(poses), asked, played, deviations(motion, asked, played))
@@ -435,7 +435,7 @@ def imported(
     return result
 
 
-def _played(asked: PlannedJob) -> PlayedJob:
+def _compile(asked: PlannedJob) -> PlayedJob:
     """Return a job as its engine plays it, compiled. Raises ResourceError if the chip does not hold it."""
     played = planned(asked)
     played.make(asked.firmware.dialect)
@@ -458,7 +458,7 @@ def _too_long(
         progress(f"trying {counted(count, 'pose')}")
         try:
             asked = plan_job(loads(with_poses(text, poses[:count], False, file), file))
-            _played(replace(asked, firmware=replace(asked.firmware, engine="player", precise=False)))
+            _compile(replace(asked, firmware=replace(asked.firmware, engine="player", precise=False)))
         except ServogenError:
             continue
         # The first frame is at 0 s, and the last one repeats the pose before it.

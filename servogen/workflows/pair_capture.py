@@ -80,13 +80,13 @@ def judge_pair_capture(
     """
     verdicts = []
     for mark, schedule in zip(CHIP_MARKS, schedules, strict=True):
-        capture = read_capture(file, _wires_of(file, mark, schedule, wires))
+        capture = read_capture(file, _chip_wires(file, mark, schedule, wires))
         sampled = capture if rate is None else sampled_at(capture, rate)
         verdicts.append(judge_capture(schedule, sampled, _tolerances(schedule)))
     first, second = verdicts
     cycle_us = float(schedules[0].clock.cycle_us)
     allowed = (first.sample_us + second.tolerances.edge_us) / cycle_us
-    return PairCaptureVerdict((first, second), _apart(schedules, first, second), allowed)
+    return PairCaptureVerdict((first, second), _frame_distance(schedules, first, second), allowed)
 
 
 def _tolerances(schedule: PulseSchedule) -> Tolerances:
@@ -108,7 +108,7 @@ def _tolerances(schedule: PulseSchedule) -> Tolerances:
     )
 
 
-def _wires_of(
+def _chip_wires(
     file: Path, mark: str, schedule: PulseSchedule, wires: Mapping[str, str] | None
 ) -> dict[str, str]:
     """Return the channels of a chip's pins: those wired to it, or those named like its servos' pins."""
@@ -122,7 +122,7 @@ def _wires_of(
     return {name: pin.removeprefix(mark) for name, pin in wires.items() if pin.startswith(mark)}
 
 
-def _apart(schedules: Schedules, first: CaptureVerdict, second: CaptureVerdict) -> float | None:
+def _frame_distance(schedules: Schedules, first: CaptureVerdict, second: CaptureVerdict) -> float | None:
     """Return how far the second chip's frame is from where the wire puts it, in cycles within a frame."""
     rule = schedules[1].wire
     if first.line is None or second.line is None or rule is None or not (first.agrees and second.agrees):

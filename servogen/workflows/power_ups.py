@@ -93,8 +93,8 @@ def other_chips(image: Image) -> list[Chip]:
     )
     return [
         (*slow, slowest, *bits),
-        (*quick, *(bit for bit, taken in zip(bits, some, strict=True) if taken)),
-        tuple(bit for bit, taken in zip(bits, some, strict=True) if not taken),
+        (*quick, *(bit for bit, drawn in zip(bits, some, strict=True) if drawn)),
+        tuple(bit for bit, drawn in zip(bits, some, strict=True) if not drawn),
     ]
 
 

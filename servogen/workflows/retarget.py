@@ -101,8 +101,8 @@ def tune_to(
     _compare(ours, built, source.file, f"a program of {job.name}")
     _compare(seen, ours, hex_file, f"{source.file} compiled")
     overheads = _overheads(program, firmware.overheads, ours, seen, (hex_file, source.file))
-    ways = _ways(program)
-    added = [Added(ways[path], cost, firmware.overheads.of(path)) for path, cost in overheads.cycles.items()]
+    told = _path_texts(program)
+    added = [Added(told[path], cost, firmware.overheads.of(path)) for path, cost in overheads.cycles.items()]
     span = checked_cycles(schedule)
     verdict = judge_image(schedule, theirs, span)
     if verdict.edges_agree:
@@ -123,7 +123,7 @@ def _overheads(
 
     `files` are the names of the HEX and its C.
     """
-    ways = _ways(program)
+    told = _path_texts(program)
     costs: dict[DelayPath, int] = {}
     most = MARGIN + (FIXED if program.moves else 0)  # the statements around the loop that waits for a width
     for index, (path, _) in enumerate(islice(program.walk(), len(ours))):
@@ -132,7 +132,7 @@ def _overheads(
         if path != START and not 0 <= cost <= most:
             raise InputError(
                 "foreign-program",
-                f"is not compiled from {files[1]}: {ways[path]} it takes {taken} cycles up to cycle {cycle}, "
+                f"is not compiled from {files[1]}: {told[path]} it takes {taken} cycles up to cycle {cycle}, "
                 f"where the C's delays are {delays}",
                 Location(files[0]),
                 f"a compiler adds 0 to {most} cycles; name the C of the HEX with --c",
@@ -140,7 +140,7 @@ def _overheads(
         if costs.setdefault(path, cost) != cost:
             raise InputError(
                 "foreign-program",
-                f"{ways[path]} its statements take {cost} cycles up to cycle {cycle}, "
+                f"{told[path]} its statements take {cost} cycles up to cycle {cycle}, "
                 f"before that {costs[path]}",
                 Location(files[0]),
                 "a delay can only compensate for a constant: let the compiler optimise, or use the player",
@@ -189,16 +189,16 @@ def _compare(seen: Sequence[Write], wanted: Sequence[Write], file: str, name: st
         )
 
 
-def _ways(program: Program) -> Mapping[DelayPath, str]:
+def _path_texts(program: Program) -> Mapping[DelayPath, str]:
     """Return a description of each path, to follow a subject."""
-    ways = {START: "from reset to the first edge"}
+    told = {START: "from reset to the first edge"}
     for step in (*program.lead_in, *program.loop):
         if not isinstance(step, SilentStep):
-            ways.update(_ways_of(step, program.schedule))
-    return ways
+            told.update(_step_path_texts(step, program.schedule))
+    return told
 
 
-def _ways_of(step: Hold | Move, schedule: PulseSchedule) -> Iterator[tuple[DelayPath, str]]:
+def _step_path_texts(step: Hold | Move, schedule: PulseSchedule) -> Iterator[tuple[DelayPath, str]]:
     if isinstance(step, Move):
         frame, owner, inner, again = step.function.frame, step.function.table.number, "row", "next"
         name = f"move_{owner}"

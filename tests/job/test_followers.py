@@ -10,7 +10,7 @@ import pytest
 from servogen.errors import InputError
 from servogen.job import loads, plan_job
 from servogen.job.job import Job, PlannedJob
-from servogen.twin.rig import rig_of
+from servogen.twin.rig import twin_rig
 from servogen.workflows.engines import planned
 
 ROOT = Path(__file__).parents[2]
@@ -94,7 +94,7 @@ def test_the_first_servo_goes_only_where_the_second_one_can() -> None:
 
 
 def test_both_servos_turn_the_joint_in_the_twin() -> None:
-    rig = rig_of(plan_of(arm(*MIRRORED, more="").replace("futaba-s3001", "mg996r")))
+    rig = twin_rig(plan_of(arm(*MIRRORED, more="").replace("futaba-s3001", "mg996r")))
     turning = [each.name for each in rig.actuators if each.joint == "q2"]
     assert turning == ["shoulder", "second"]
     assert not any("not modelled" in text for text in rig.assumptions)

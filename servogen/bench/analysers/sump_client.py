@@ -74,7 +74,7 @@ def identify(port: Port) -> AnalyserDescription:
         port.write(sump.short(SumpCommand.ID))
         answer = port.read_whole(4, ANSWER_S)
         if answer in sump.IDS:
-            return _described(port)
+            return _description(port)
     if not answer:
         raise ToolError(
             "no-answer",
@@ -87,7 +87,7 @@ def identify(port: Port) -> AnalyserDescription:
     )
 
 
-def _described(port: Port) -> AnalyserDescription:
+def _description(port: Port) -> AnalyserDescription:
     port.write(sump.short(SumpCommand.METADATA))
     described = metadata(_metadata_bytes(port))
     name, memory, rate = described.get(Key.NAME), described.get(Key.MEMORY), described.get(Key.RATE)
@@ -102,12 +102,12 @@ def _described(port: Port) -> AnalyserDescription:
 def _metadata_bytes(port: Port) -> bytes:
     """Return what a device sends as metadata, which it need not have."""
     data = b""
-    while not _ended(data) and (more := port.read(1 << 10, ANSWER_S / 2)):
+    while not _is_complete(data) and (more := port.read(1 << 10, ANSWER_S / 2)):
         data += more
     return data
 
 
-def _ended(data: bytes) -> bool:
+def _is_complete(data: bytes) -> bool:
     """Return whether metadata are complete."""
     offset = 0
     while offset < len(data) and data[offset] != Key.END:

@@ -140,7 +140,7 @@ class InputAdapter:
         if self.board.scheduler:
             self.port.write(firmata.task(SchedulerCommand.RESET))
         self._levels[self.wiring.pins[MARK]] = None
-        self.port.write(self._driven(self.wiring.pins[MARK], 0))
+        self.port.write(self._drive_bytes(self.wiring.pins[MARK], 0))
 
     def load(self, inputs: Sequence[BoardInput], length_ms: int) -> None:
         """Prepare a run. Raises InputError for what is not wired or does not fit, ToolError."""
@@ -219,12 +219,12 @@ class InputAdapter:
                     raise InputError("unknown-pin", f"{name} is not wired to the input board")
                 # A serial port of the board drives its pin for as long as it is open.
                 closed = self._off(self.wiring.lines[name]) if name in self.wiring.lines else b""
-                return closed + self._driven(pin, level)
+                return closed + self._drive_bytes(pin, level)
             case Close(contact, closed_now):
                 if contact not in self.wiring.contacts:
                     names = "-".join(sorted(contact))
                     raise InputError("unknown-pin", f"the input board has no contact {names}")
-                return self._driven(self.wiring.contacts[contact], int(closed_now))
+                return self._drive_bytes(self.wiring.contacts[contact], int(closed_now))
             case Send(pin_name, data, baud):
                 port = self.wiring.lines.get(pin_name)
                 if port is None:
@@ -242,7 +242,7 @@ class InputAdapter:
             self.port.write(self._on(pin, self.wiring.lines[pin], baud))
 
     def _on(self, pin: str, port: int, baud: int) -> bytes:
-        driven = self._driven(self.wiring.pins[pin], None) if pin in self.wiring.pins else b""
+        driven = self._drive_bytes(self.wiring.pins[pin], None) if pin in self.wiring.pins else b""
         if self._bauds.get(port) == baud:
             return driven
         self._bauds[port] = baud
@@ -251,7 +251,7 @@ class InputAdapter:
     def _off(self, port: int) -> bytes:
         return firmata.serial_close(port) if self._bauds.pop(port, None) is not None else b""
 
-    def _driven(self, pin: int, level: int | None) -> bytes:
+    def _drive_bytes(self, pin: int, level: int | None) -> bytes:
         before = self._levels.get(pin, None)
         if before == level and pin in self._levels:
             return b""

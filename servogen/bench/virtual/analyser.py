@@ -131,7 +131,7 @@ class VirtualCapture:
         self._runs = _from(runs, index)
 
     def _words(self, runs: Runs) -> sump.Words:
-        value = _grouped(runs.value, self._groups)
+        value = _enabled_groups(runs.value, self._groups)
         if self.flags & Flag.RLE:
             masked = value & np.uint32(sump.longest_count(self._bits))
             return sump.encode(sump.merged(masked, runs.start, runs.end), self._bits)
@@ -151,7 +151,7 @@ def _channels(levels: sump.Words) -> sump.Words:
     return word | (levels & beyond)
 
 
-def _grouped(value: sump.Words, groups: tuple[int, ...]) -> sump.Words:
+def _enabled_groups(value: sump.Words, groups: tuple[int, ...]) -> sump.Words:
     """Return the bytes of the groups that are on, without gaps between them."""
     word = np.zeros(len(value), dtype=np.uint32)
     for place, group in enumerate(groups):

@@ -383,7 +383,7 @@ class HeldButtons:
 
     def changes(self, clock: Clock) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
         until = 1
-        yield until, _packed([LevelChange(0, pin, 1 - level) for pin, level in self.buttons.values()])
+        yield until, _packed_changes([LevelChange(0, pin, 1 - level) for pin, level in self.buttons.values()])
         before = ""
         while True:
             now, changes = self.presses.popleft() if self.presses else self.held, []
@@ -393,8 +393,8 @@ class HeldButtons:
                     changes.append(LevelChange(until, pin, level if name == now else 1 - level))
             before = now
             until += self.cycles
-            yield until, _packed(changes)
+            yield until, _packed_changes(changes)
 
 
-def _packed(changes: list[LevelChange]) -> npt.NDArray[np.int64]:
+def _packed_changes(changes: list[LevelChange]) -> npt.NDArray[np.int64]:
     return np.array([change.packed for change in changes], dtype=np.int64)

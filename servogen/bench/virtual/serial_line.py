@@ -56,7 +56,7 @@ class LineStimulus:
         bit = clock.cycles_per_second / self.baud
         until = Fraction(1)
         at_begin = {**self.held, self.pin: self.idle}
-        yield whole(until), _packed((0, pin, level) for pin, level in at_begin.items())
+        yield whole(until), _packed_levels((0, pin, level) for pin, level in at_begin.items())
         while True:
             changes = []
             if self.waiting:
@@ -67,10 +67,10 @@ class LineStimulus:
                     for n, value in enumerate(bits)
                 ]
             until += BITS * bit
-            yield whole(until), _packed(changes)
+            yield whole(until), _packed_levels(changes)
 
 
-def _packed(changes: Iterable[tuple[int, int, int]]) -> npt.NDArray[np.int64]:
+def _packed_levels(changes: Iterable[tuple[int, int, int]]) -> npt.NDArray[np.int64]:
     """Return (cycle, pin, level) of each change, packed for the instruction loop."""
     return np.array(
         [cycle << PACK_CYCLE | pin << PACK_PIN | level for cycle, pin, level in changes], dtype=np.int64
@@ -99,15 +99,15 @@ class LineReceiver:
         line = (word >> np.uint32(self.pin) & np.uint32(1)).astype(bool) != self.inverted
         changed = np.flatnonzero(np.append(line[:1] != self._high, line[1:] != line[:-1]))
         for edge in cycle[changed].tolist():
-            received += self._ended(edge)
+            received += self._complete_byte(edge)
             if self._start is not None:
                 self._edges.append(edge)
             elif self._high:
                 self._start = edge
             self._high = not self._high
-        return bytes(received + self._ended(until))
+        return bytes(received + self._complete_byte(until))
 
-    def _ended(self, now: int) -> bytes:
+    def _complete_byte(self, now: int) -> bytes:
         """Return the current byte once its stop bit has been sampled."""
         if self._start is None or now < self._start + (BITS - Fraction(1, 2)) * self.bit:
             return b""

@@ -116,7 +116,7 @@ def _branches(arm: Arm, target: TargetComponents, tolerance: float, hard: bool) 
             # decides.
             wrong |= (angles < joint.lower - SLACK) | (angles > joint.upper + SLACK)
             np.clip(angles, joint.lower, joint.upper, out=angles)
-    missed = _missed(arm, q, target)
+    missed = _miss(arm, q, target)
     if target.n is not None and hard:
         _improve(arm, q, target, ~wrong & (missed > tolerance) & (missed < NEARLY), missed)
     wrong |= ~(missed <= tolerance)
@@ -124,7 +124,7 @@ def _branches(arm: Arm, target: TargetComponents, tolerance: float, hard: bool) 
     return q
 
 
-def _missed(arm: Arm, q: Floats, target: TargetComponents) -> Floats:
+def _miss(arm: Arm, q: Floats, target: TargetComponents) -> Floats:
     """Return the distance (branches, m) of forward kinematics from the target: of its position
     or its axes.
     """
@@ -154,7 +154,7 @@ def _turn_on_axis(arm: Arm, q: Floats, target: TargetComponents) -> None:
     near = q[:, :, on_axis]
     rotation = fk(arm, np.moveaxis(near, 1, -1))[..., :3, :3]
     rest = _rotations(target, on_axis) @ np.swapaxes(rotation, -1, -2)
-    missed = _missed(arm, near, _part(target, on_axis))
+    missed = _miss(arm, near, _part(target, on_axis))
     # The angle of the rotation about z that is nearest to `rest`.
     turn = np.arctan2(rest[..., 1, 0] - rest[..., 0, 1], rest[..., 0, 0] + rest[..., 1, 1])
     q[:, 0, on_axis] += np.where(missed > TOLERANCE, turn, 0.0)
@@ -168,7 +168,7 @@ def _improve(arm: Arm, q: Floats, target: TargetComponents, which: NDArray[np.bo
     position = np.stack([component[column] for component in target.p], axis=-1)
     better = numerical.improved(arm, q[branch, :, column], position, _rotations(target, column))
     q[branch, :, column] = better
-    missed[branch, column] = _missed(arm, better.T[None], _part(target, column))[0]
+    missed[branch, column] = _miss(arm, better.T[None], _part(target, column))[0]
 
 
 def _part(target: TargetComponents, which: NDArray[np.intp]) -> TargetComponents:

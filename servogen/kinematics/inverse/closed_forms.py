@@ -95,12 +95,12 @@ def irb6400c(arm: Arm, target: TargetComponents) -> list[Branch]:
             side = c_two * sine, -cosine, -s_two * sine
             up = s_two, np.zeros_like(s_two), c_two
             on = -c_two * cosine, -sine, s_two * cosine
-            third = tuple(_turned(c_one, s_one, axis) for axis in (side, up, on))
+            third = tuple(_rotate(c_one, s_one, axis) for axis in (side, up, on))
             branches += [(one, two, three, *wrist) for wrist in _zyz(third, target, arm.home[3])]
     return branches
 
 
-def _turned(cosine: Floats, sine: Floats, axis: Sequence[Floats]) -> tuple[Floats, Floats, Floats]:
+def _rotate(cosine: Floats, sine: Floats, axis: Sequence[Floats]) -> tuple[Floats, Floats, Floats]:
     """Return an axis turned about z."""
     return cosine * axis[0] - sine * axis[1], sine * axis[0] + cosine * axis[1], axis[2]
 

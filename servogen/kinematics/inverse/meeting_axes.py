@@ -90,8 +90,8 @@ def _places(direction: Floats, point: Floats, wrist: Floats) -> bool:
     columns: list[Floats] = []
     for joint in (2, 1, 0):
         turn = from_axis_angle(direction[joint], angles[joint])
-        place = point[joint] + _turned(turn, place - point[joint])
-        columns = [_turned(turn, column) for column in columns]
+        place = point[joint] + _rotate(turn, place - point[joint])
+        columns = [_rotate(turn, column) for column in columns]
         columns.append(np.cross(direction[joint], place - point[joint]))
     return bool(np.linalg.svd(np.stack(columns, axis=1), compute_uv=False)[:, -1].max() > MEET)
 
@@ -246,5 +246,5 @@ def _angle(axis: Floats, one: Floats, two: Floats, home: float) -> Floats:
     return np.where(np.hypot(sine, cosine) < MEET**2, home, np.arctan2(sine, cosine))
 
 
-def _turned(turn: Floats, vector: Floats) -> Floats:
+def _rotate(turn: Floats, vector: Floats) -> Floats:
     return np.asarray((turn @ vector[..., None])[..., 0])

@@ -138,7 +138,7 @@ def solve(
     Without a closed form, the numerical method gives one; it searches from `near` (else home) first. What a
     few starts do not meet is given up only after every solution was looked for.
     """
-    position, rotation = _checked(position, rotation)
+    position, rotation = _check_target(position, rotation)
     shape = position.shape[:-1]
     flat = position.reshape(-1, 3)
     turns = None if rotation is None else np.broadcast_to(rotation, (*shape, 3, 3)).reshape(-1, 3, 3)
@@ -167,7 +167,7 @@ def solutions_near(arm: Arm, position: ArrayLike, rotation: ArrayLike | None, ne
     Without a closed form, the result of a numerical search from `near` is the only one, if it meets the
     target.
     """
-    position, rotation = _checked(position, rotation)
+    position, rotation = _check_target(position, rotation)
     if has_closed_form(arm, rotation is not None):
         return solve(arm, position, rotation).near(near)
     start = np.asarray(near, float)
@@ -230,7 +230,7 @@ def ik_all(
 
     Raises `Unreachable` if there is none.
     """
-    target, turn = _checked(position, rotation)
+    target, turn = _check_target(position, rotation)
     if target.ndim != 1:
         raise InputError("wrong-count", "one target at a time: give x, y, z")
     if has_closed_form(arm, turn is not None):
@@ -289,7 +289,7 @@ def why_unreachable(arm: Arm, position: ArrayLike, rotation: ArrayLike | None = 
     """Return the error for one target without a solution: limits, distance or orientation, and the nearest
     point.
     """
-    target, turn = _checked(position, rotation)
+    target, turn = _check_target(position, rotation)
     if turn is not None and not is_rotation(turn, RIGHT_HANDED):
         raise InputError(
             "bad-rotation",
@@ -337,7 +337,7 @@ def nearest_point(arm: Arm, position: ArrayLike) -> tuple[float, ...]:
     return tuple(float(value) for value in best)
 
 
-def _checked(position: ArrayLike, rotation: ArrayLike | None) -> tuple[Floats, Floats | None]:
+def _check_target(position: ArrayLike, rotation: ArrayLike | None) -> tuple[Floats, Floats | None]:
     target = np.asarray(position, float)
     turn = None if rotation is None else np.asarray(rotation, float)
     if target.shape[-1:] != (3,) or not np.isfinite(target).all():

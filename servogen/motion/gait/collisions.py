@@ -59,14 +59,14 @@ def nearest_collision(robot: WalkingRobot, leg_angles: Floats, gap: float) -> Co
     return worst
 
 
-def _nearest(one: Floats, other: Floats, below: float) -> tuple[float, int] | None:
+def _nearest(first: Floats, second: Floats, below: float) -> tuple[float, int] | None:
     """Return the smallest distance of two lines (n, corners, 3) and its row; None if it is not `below`."""
     # Boxes around the lines: most frames need no more.
-    apart = np.maximum(one.min(axis=1) - other.max(axis=1), other.min(axis=1) - one.max(axis=1))
-    rows = np.flatnonzero(np.linalg.norm(np.maximum(apart, 0.0), axis=1) < below)
+    distances = np.maximum(first.min(axis=1) - second.max(axis=1), second.min(axis=1) - first.max(axis=1))
+    rows = np.flatnonzero(np.linalg.norm(np.maximum(distances, 0.0), axis=1) < below)
     if not len(rows):
         return None
-    a, b = one[rows], other[rows]
+    a, b = first[rows], second[rows]
     away = segment_distance(a[:, :-1, None], a[:, 1:, None], b[:, None, :-1], b[:, None, 1:]).min(axis=(1, 2))
     row = int(np.argmin(np.round(away, 9)))
     return (float(away[row]), int(rows[row])) if away[row] < below else None

@@ -154,7 +154,7 @@ class Footwork:
         if lost <= 0:
             return 0.0
         rate, stance_frames = float(self.gait.swing / self.gait.duty), float(self.gait.duty) * count
-        way = min((way for segment in segments for way in self._ways(segment)), default=0.0)
+        way = min((way for segment in segments for way in self._swing_angles(segment)), default=0.0)
         wanted = lost + way / stance_frames
         # The second half is enough: the first mirrors it.
         u = np.linspace(0.5, 1.0, BEYOND_SAMPLES)
@@ -174,7 +174,7 @@ class Footwork:
             low, high = (low, middle) if comes_back(middle) >= wanted else (middle, high)
         return high
 
-    def _ways(self, segment: Segment) -> Iterator[float]:
+    def _swing_angles(self, segment: Segment) -> Iterator[float]:
         """Yield the angle (radians) by which each leg's joints turn in a swing of the steady walk."""
         cruise = cruise_of(self.gait, None)
         for index, (name, neutral) in enumerate(zip(self.legs, self._footing(segment), strict=True)):
@@ -238,7 +238,7 @@ class Footwork:
             steps(self.gait, name, still, cruise_of(self.gait, None), neutral)
             for name, neutral in zip(self.legs, footing, strict=True)
         ]
-        return self._placed(legs, np.zeros(1))
+        return self._frames_at(legs, np.zeros(1))
 
     def _on_the_spot(self, here: Frames, there: Frames, count: int) -> tuple[Frames, ...]:
         """Return the frames in which feet step once from one footing to another while the body is at rest.
@@ -348,14 +348,14 @@ class Footwork:
         # at rest.
         begin = min(float(leg.lifts.min(initial=0.0)) for leg in legs)
         if cycles is None:
-            return self._placed(
+            return self._frames_at(
                 legs, np.arange(round(begin * count), count) / count, self._lean(segment, begin, 1.0)
             )
         end = max(float(leg.lands.max(initial=cruise.stop)) for leg in legs)
         time = np.arange(round(begin * count), round(end * count) + 1) / count
-        return self._placed(legs, time, self._lean(segment, begin, end))
+        return self._frames_at(legs, time, self._lean(segment, begin, end))
 
-    def _placed(self, legs: Sequence[Steps], time: Floats, lean: Lean = STILL) -> Frames:
+    def _frames_at(self, legs: Sequence[Steps], time: Floats, lean: Lean = STILL) -> Frames:
         """Return the frames of all legs at these times."""
         parts = [self._leg(index, leg, time, lean) for index, leg in enumerate(legs)]
         angles, feet, ground, corrections = (np.stack(column, axis=1) for column in zip(*parts, strict=True))

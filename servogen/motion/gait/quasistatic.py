@@ -60,7 +60,7 @@ def rigid_body_path(
     weights = np.where(np.isnan(forces), down / np.maximum(down.sum(axis=1, keepdims=True), 1), forces)
     twist = _minimum_slip(middle, moved, weights)
     slip = np.where(weights > 0, np.linalg.norm(_slips(twist, middle, moved), axis=-1), 0.0)
-    return BodyPath(_integrated(twist), np.vstack([np.zeros((1, feet.shape[1])), slip]))
+    return BodyPath(_integrate(twist), np.vstack([np.zeros((1, feet.shape[1])), slip]))
 
 
 def _slips(twist: Floats, feet: Floats, moved: Floats) -> Floats:
@@ -90,7 +90,7 @@ def _minimum_slip(feet: Floats, moved: Floats, weights: Floats) -> Floats:
     return twist
 
 
-def _integrated(twist: Floats) -> Floats:
+def _integrate(twist: Floats) -> Floats:
     """Return the poses (n + 1, 3) after twists in the body's frame, each along its arc."""
     yaw = np.concatenate([[0.0], np.cumsum(twist[:, 2])])
     # The chord of an arc of angle t is sin(t/2) / (t/2) of its length; numpy's sinc(x) is sin(πx) / πx.

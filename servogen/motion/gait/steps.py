@@ -103,12 +103,12 @@ class Steps:
     def standing(self, time: Floats) -> Points:
         """Return the foot in the body's frame at times on the ground: the foothold, seen from the body."""
         landed = np.searchsorted(self.lands, time + SAME_TIME, side="right")
-        return self._seen(self.holds[landed], self.cruise.at(time))
+        return self._in_body_frame(self.holds[landed], self.cruise.at(time))
 
     def ends(self, number: int) -> tuple[Points, Points]:
         """Return where a swing begins and ends, in the frame of a body that always moves."""
         first, last = (
-            self._seen(self.holds[hold : hold + 1], self.cruise.steady(phase[number : number + 1]))
+            self._in_body_frame(self.holds[hold : hold + 1], self.cruise.steady(phase[number : number + 1]))
             for hold, phase in ((number, self.lifts), (number + 1, self.lands))
         )
         return first, last
@@ -119,7 +119,7 @@ class Steps:
         after = (self.lands[number] > self.cruise.stop + SAME_TIME) & (time >= self.lands[number] - SAME_TIME)
         return np.asarray(before | after)
 
-    def _seen(self, foothold: Points, progress: Floats) -> Points:
+    def _in_body_frame(self, foothold: Points, progress: Floats) -> Points:
         position, heading = self.segment.travelled(progress)
         return np.asarray((foothold - position) * np.exp(-1j * heading))
 

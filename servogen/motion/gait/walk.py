@@ -262,7 +262,7 @@ def walk(
         )
 
     def timed(count: int) -> _Timed:
-        return _timed(plan, gait, segments, others, count, lost, float(clock.seconds(period)), each)
+        return _time_walk(plan, gait, segments, others, count, lost, float(clock.seconds(period)), each)
 
     if frames_per_cycle is None:
         made = _shortest(gait, timed, minimum)
@@ -329,7 +329,7 @@ class _Timed:
     tight: Tightest
 
 
-def _timed(
+def _time_walk(
     plan: Footwork,
     gait: Gait,
     segments: Sequence[Segment],

@@ -252,9 +252,9 @@ def _fit(signals: PairedSignals, line: FittedLine) -> FittedLine | None:
     times: list[Floats] = []
     steps: list[Ints] = []
     for channel, (wanted, got) in enumerate(zip(signals.scheduled, signals.captured, strict=True)):
-        rows, others = partners(signals, line, channel)
+        rows, seen_rows = partners(signals, line, channel)
         times += [wanted.rise[rows].astype(np.float64), wanted.fall[rows].astype(np.float64)]
-        steps += [got.rise[others], got.fall[others]]
+        steps += [got.rise[seen_rows], got.fall[seen_rows]]
     s, t = np.concatenate(times), np.concatenate(steps).astype(np.float64)
     if not len(s):
         return None
@@ -308,20 +308,20 @@ def whole_frames(
     rows = np.flatnonzero((rise > MARGIN * quantum) & (fall < end - MARGIN * quantum))
     if not len(rows):
         return None
-    one, other = int(rows[0]), int(rows[-1])
+    first_row, last_row = int(rows[0]), int(rows[-1])
     # A frame without edges begins at the time of the earliest edge of the other frames.
     zero = int((first - frames * period).min())
     inside = (line.cycles(np.array([0.0, float(end)])) - zero) / period
-    begin_frame = max(ceil(float(inside[0])), int(frames[one - 1]) + 1 if one else 0)
+    begin_frame = max(ceil(float(inside[0])), int(frames[first_row - 1]) + 1 if first_row else 0)
     end_frame = floor(float(inside[1]))
-    if other + 1 < len(frames):
-        end_frame = min(end_frame, int(frames[other + 1]))
-    from_frame = min(int(frames[one]), begin_frame)
-    to_frame = max(int(frames[other]) + 1, end_frame)
-    before = float(fall[one - 1]) if one else 0.0
-    after = float(rise[other + 1]) if other + 1 < len(rise) else float(end)
-    begin = line.steps(from_frame * period + zero) if from_frame < frames[one] else rise[one]
-    until = line.steps(to_frame * period + zero) if to_frame > frames[other] + 1 else fall[other]
+    if last_row + 1 < len(frames):
+        end_frame = min(end_frame, int(frames[last_row + 1]))
+    from_frame = min(int(frames[first_row]), begin_frame)
+    to_frame = max(int(frames[last_row]) + 1, end_frame)
+    before = float(fall[first_row - 1]) if first_row else 0.0
+    after = float(rise[last_row + 1]) if last_row + 1 < len(rise) else float(end)
+    begin = line.steps(from_frame * period + zero) if from_frame < frames[first_row] else rise[first_row]
+    until = line.steps(to_frame * period + zero) if to_frame > frames[last_row] + 1 else fall[last_row]
     return WholeFrames(
         from_frame,
         to_frame - from_frame,

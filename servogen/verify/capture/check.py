@@ -174,7 +174,7 @@ def set_up(expected: Expected, captured: EdgeTrace, allowed: Tolerances, sampled
     for channel in expected.channels:
         wanted = framed_pulses(scheduled, channel.pin, candidates + reach)
         in_steps = FramedPulses(
-            _rounded(wanted.rise * nominal), _rounded(wanted.fall * nominal), wanted.frame
+            _whole_cycles(wanted.rise * nominal), _whole_cycles(wanted.fall * nominal), wanted.frame
         )
         mine = found.of(channel.pin)
         seen, number = without_glitches(_whole(mine), in_steps, int(allowed.glitch_us / step_us))
@@ -208,7 +208,7 @@ def set_up(expected: Expected, captured: EdgeTrace, allowed: Tolerances, sampled
     )
 
 
-def _rounded(values: npt.ArrayLike) -> Ints:
+def _whole_cycles(values: npt.ArrayLike) -> Ints:
     return np.rint(values).astype(np.int64)
 
 
@@ -302,9 +302,9 @@ def _overlap_us(setup: _Setup, line: FittedLine | None) -> float:
 
 def _stray(setup: _Setup) -> tuple[StrayPin, ...]:
     pins = [channel.pin for channel in setup.expected.channels]
-    other = ~np.isin(setup.captured.pin, pins)
+    unscheduled = ~np.isin(setup.captured.pin, pins)
     stray = StrayCount()
-    stray.add(setup.captured.cycle[other], setup.captured.pin[other])
+    stray.add(setup.captured.cycle[unscheduled], setup.captured.pin[unscheduled])
     return stray.pins()
 
 

@@ -75,15 +75,15 @@ def judge(
 ) -> Judged:
     """Return the channel's verdict; its glitches are counted elsewhere."""
     wanted, got = signals.scheduled[number], signals.captured[number]
-    rows, others = partners(signals, scale.line, number)
-    ours, theirs = wanted.take(rows), got.take(others)
+    rows, matches = partners(signals, scale.line, number)
+    ours, theirs = wanted.take(rows), got.take(matches)
     kinds = (
         _widths(ours, theirs, scale, allowed),
-        _periods(ours, theirs, rows, others, scale, allowed),
+        _periods(ours, theirs, rows, matches, scale, allowed),
         _edges(ours, theirs, scale, allowed),
     )
     missing = np.setdiff1d(np.flatnonzero(_due(wanted, scale, kinds[2])), rows)
-    extra = np.setdiff1d(np.arange(len(got.rise)), others)
+    extra = np.setdiff1d(np.arange(len(got.rise)), matches)
     width, period, edge = (kind.spread() for kind in kinds)
     problems = [
         *(problem for kind in kinds[:2] for problem in _wrong(kind, channel, scale, expected)),
@@ -149,9 +149,14 @@ def _widths(ours: FramedPulses, theirs: FramedPulses, scale: TimeScale, allowed:
 
 
 def _periods(
-    ours: FramedPulses, theirs: FramedPulses, rows: Ints, others: Ints, scale: TimeScale, allowed: Tolerances
+    ours: FramedPulses,
+    theirs: FramedPulses,
+    rows: Ints,
+    matches: Ints,
+    scale: TimeScale,
+    allowed: Tolerances,
 ) -> _Errors:
-    follows = (np.diff(rows) == 1) & (np.diff(others) == 1)
+    follows = (np.diff(rows) == 1) & (np.diff(matches) == 1)
     wanted = np.diff(ours.rise)[follows].astype(np.float64) * scale.cycle_us
     error = _us(np.diff(theirs.rise)[follows], scale) - wanted
     limit = scale.sample_us + allowed.period_us
