@@ -26,6 +26,7 @@ Ints = npt.NDArray[np.int64]
 Memory = tuple[Any, ...]
 PINS = [f"RA{n}" for n in range(5)] + [f"RB{n}" for n in range(8)]
 LARGEST = 10**9
+"""The largest number in a schedule, in cycles 1000 s at 4 MHz: a larger one is a mistake."""
 
 
 class PlanPosition(NamedTuple):

@@ -22,6 +22,7 @@ MAX_SECONDS = 1e9
 """The longest time, thirty years, that a simulation can count."""
 
 MAX_CYCLES = 10**16
+"""The longest run: 300 years at 4 MHz, and far from the limit of 64 bits."""
 
 CLOCK_HZ = 4_000_000
 """The clock of a motion without a job: its cycle is 1 µs, so that a period in µs is also one in cycles."""

@@ -172,7 +172,7 @@ def prove_schedule(
 
 
 def check_complete(claim: Claim, over: Over) -> None:
-    """Raise InputError where what is claimed would not be proven for everything that it is about."""
+    """Raise InputError if the proof would not cover everything that is claimed."""
     quantifiers = over.quantifiers()
     if claim.certificate is not None and not quantifiers.complete:
         raise InputError(
@@ -310,7 +310,7 @@ def _lines(
 
 
 def judged_pins(schedule: PulseSchedule) -> str:
-    """Return of which pins the theorem is."""
+    """Return in words which pins the theorem is about."""
     tape = schedule.tape
     return f"all pins but {tape.scl} and {tape.sda}, a tape's bus," if tape else "all pins"
 
@@ -366,7 +366,7 @@ def _proof_to_json(
 
 
 def checked_lines(checked: Checked) -> list[str]:
-    """Return what the checker's theorem is over, and how much it ran."""
+    """Return what the checker's theorem quantifies over, and how much the checker ran."""
     counts = (
         f"{checked.states} states, {checked.frames} frames, {checked.cycles} cycles, {checked.forks} splits"
     )
@@ -374,7 +374,7 @@ def checked_lines(checked: Checked) -> list[str]:
 
 
 def checked_to_json(checked: Checked) -> CheckedAnswer:
-    """Return the same as values of JSON."""
+    """Return what `checked_lines` says as values of JSON."""
     return {
         "states": checked.states,
         "frames": checked.frames,

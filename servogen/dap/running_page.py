@@ -21,6 +21,7 @@ from servogen.errors import InputError
 
 HOSTS = ("127.0.0.1", "localhost")
 PATIENCE_S = 10
+"""The time in seconds within which the page's server, on the same machine, must have answered."""
 
 
 class RunningPage:

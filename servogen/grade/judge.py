@@ -109,12 +109,12 @@ class Grade:
 
     @property
     def how_long(self) -> str:
-        """Return for how long a right program was watched, if it was not seen to go on endlessly."""
+        """Return for how long a correct program was watched; empty if it was seen to repeat."""
         return next((remark.message for remark in self.remarks if remark.code == "not-repeated"), "")
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Return the faults as text for students, on which nothing depends."""
+        """Return the faults as sentences for students; nothing is decided by them."""
         return tuple(fault.text for fault in self.faults)
 
     def to_json(self) -> GradeFacts:

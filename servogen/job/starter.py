@@ -56,7 +56,7 @@ USUAL_DEG = 180.0
 def template(kind: str = KINDS[0]) -> str:
     """Return the commented job file of a kind, with the servos it was written for. Raises InputError.
 
-    The beginning of a name stands for the first that begins so: quadruped.
+    The beginning of a name is enough: "quadruped" is the first kind that begins with it.
     """
     kind = next((each for each in KINDS if f"{each}-".startswith(f"{kind}-")), kind)
     check_known("unknown-name", kind, KINDS, f"there is no job to start from for '{kind}'")

@@ -29,6 +29,7 @@ from servogen.pic.spelling import assembly_text, is_exact, other_bank
 
 VECTORS = {RESET_VECTOR: "reset", INTERRUPT_VECTOR: "interrupt"}
 COMMENT_COLUMN = 40
+"""Where comments begin: behind the longest usual instruction with its label."""
 
 
 def disassemble(image: Image, device: Device) -> str:

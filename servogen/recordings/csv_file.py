@@ -21,6 +21,7 @@ NOT_ANGLES = re.compile(r".*_(mm|width_us|ground)")
 """Columns of servogen's own tables that no servo is told by."""
 
 MAX_NUMBER = 1e9
+"""The largest number in any unit; a larger one must be a mistake."""
 
 
 def csv_tracks(text: str, file: str) -> RecordedMotion:

@@ -23,6 +23,7 @@ AROUND = ("goal", "trajectory", "joint_trajectory", "request")
 """The keys of the messages that a trajectory may be inside of."""
 
 MAX_JOINTS = 64
+"""The most joints of a recording, several robots' worth: more must be another kind of file."""
 
 
 def joint_trajectory(document: Any, file: str) -> RecordedMotion:

@@ -21,6 +21,7 @@ PALETTE = (
 """A colour for each of the thirteen pins."""
 
 LEFT, RIGHT, TOP, BOTTOM = 58.0, 12.0, 10.0, 34.0
+"""The margins of a chart in pixels: room for the numbers on the left and for numbers and label below."""
 
 
 @dataclass(frozen=True, slots=True)

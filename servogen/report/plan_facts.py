@@ -170,7 +170,7 @@ class PlanFacts:
         return largest_error(self.ends) if self.ends else None
 
     def extent(self, end: EndError) -> tuple[list[float], list[float]]:
-        """Return the least and the greatest x, y, z that an end is planned at."""
+        """Return the least and the greatest planned x, y, z of an end."""
         track = next(track for track in self.tracks if track.name == end.name)
         return np.nanmin(track.planned, axis=0).tolist(), np.nanmax(track.planned, axis=0).tolist()
 

@@ -64,6 +64,7 @@ NUMBER_BYTES = 4
 """The maximum size of a variable that is read as a number."""
 OPTION_REG = registers()["OPTION_REG"].address
 SENT_BITS = 10
+"""The bits of a byte on a serial line: a start bit, eight of data, a stop bit."""
 
 _CYCLE = re.compile(r"cycle\s+(?P<cycle>[\d_]{1,15})", re.IGNORECASE)
 

@@ -63,6 +63,7 @@ ASSUMED_SHARES = {"coxa": 0.03, "thigh": 0.01, "foot": 0.01, "femur": 0.01, "tib
 
 FOOT_RADIUS_M = 0.003
 BODY_HEIGHT_M = 0.03
+"""The radius of a foot's ball and the height of the trunk's box: robot files state neither."""
 
 SPRING_DAMPING = 0.5
 """The damping of a leg's spring as a share of the critical one, assumed: the spring does not ring."""

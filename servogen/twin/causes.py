@@ -64,7 +64,7 @@ class Event:
 
 
 def run_events(record: Record, job: PlannedJob, planned: PlannedRoute) -> tuple[Event, ...]:
-    """Return the events of a run, the first first."""
+    """Return the events of a run in order of time."""
     events = [
         *_broken_gears(record),
         *_servos_without_pulses(record, job),

@@ -116,7 +116,7 @@ class FollowedWorld:
         return self.step == goal
 
     def forget(self, cycle: int) -> None:
-        """Drop what followed from the edges of a cycle and those after it."""
+        """Drop what was calculated from the edges of a cycle and of later ones."""
         last = bisect_right(self.kept, self._receiver.step_at(cycle))
         for step in self.kept[last:]:
             del self._snapshots[step]

@@ -18,6 +18,7 @@ STEP_S = 0.001
 """The step of the physics in seconds."""
 
 LINK_RADIUS_M = 0.006
+"""The radius of a link: robot files state none."""
 
 ROBOT_BITS, GROUND_BITS = {"contype": "1", "conaffinity": "0"}, {"contype": "0", "conaffinity": "1"}
 """Collision bits: parts of the robot collide with the ground; legs with each other, too (`leg_bits`)."""

@@ -23,7 +23,7 @@ Packed = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """An input pin, by its number, that is `active` while `reads` returns True, and the opposite else."""
+    """An input pin, by its number: at the level `active` while `reads` returns True, else at the other."""
 
     pin: int
     active: int

@@ -26,7 +26,7 @@ class Supply:
     chip_minimum_v: float = 4.0
 
     def under(self, idle: float, a: float, b: float) -> tuple[float, float]:
-        """Return voltage and current for the idle current and the sums A and B."""
+        """Return voltage and current where the servos draw `idle` + `a` · voltage - `b` amperes."""
         voltage = (self.volts - self.resistance * (idle - b)) / (1 + self.resistance * a)
         current = idle + a * voltage - b
         if current < 0:  # motors that are turned back give nothing back to the supply

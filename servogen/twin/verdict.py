@@ -33,6 +33,7 @@ REST_S = 0.3
 """The time for which the plan has to rest before a tool counts as arrived."""
 
 REST_M = 1e-6
+"""A tool that moves less in a frame is at rest."""
 
 Word = Literal["as expected", "NOT as expected", "not guaranteed", "not judged"]
 

@@ -47,7 +47,7 @@ class Debugging:
         self.session, session.editor = session, self._editor
 
     def handle(self, request: Message) -> Message | None:
-        """Answer a request; return what the window shows then, if that is something else."""
+        """Answer a request; return the window's moment if the request changed it."""
         session, editor = self.session, self._editor
         if session is None or session.chip is None:
             editor.handle(request)
@@ -82,7 +82,7 @@ class Debugging:
         return True
 
     def end(self) -> None:
-        """Leave the program to the page alone."""
+        """End the editor's part: from now on only the page acts on the program."""
         if self.session is not None:
             self._editor.stay()
             self.session.editor = None

@@ -121,7 +121,8 @@ def differing(
 ) -> list[Edge]:
     """Return the edges of a window that only one of the two has; `edges` count an undriven pin as low.
 
-    They have to reach `wanted.margin` beyond the window, and so has what is `asked`, where that is known.
+    `edges` must reach `wanted.margin` beyond the window. So must `asked`, the scheduled edges, if they are
+    known already.
     """
     last = end if wanted.end is None else min(end, wanted.end)
     first = max(begin, wanted.begin)

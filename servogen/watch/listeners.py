@@ -82,7 +82,7 @@ class SerialListener:
 
 
 def clocks_of(edges: EdgeChunk, scl: int, sda: int) -> int | None:
-    """Return the clocks of an I²C bus's byte that is not over after `edges`; None if that is not known."""
+    """Return how many clocks an I²C bus's unfinished byte has had after `edges`; None if not known."""
     mine = np.flatnonzero(np.isin(edges.pin, (scl, sda)))
     mine = mine[np.lexsort((edges.pin[mine] != scl, edges.cycle[mine]))]
     cycle, clock, level = edges.cycle[mine], edges.pin[mine] == scl, edges.level[mine]

@@ -86,7 +86,7 @@ class LiveBodies:
         }
 
     def forget(self, cycle: int) -> None:
-        """Drop what followed from a cycle on, where something else was done to the chip."""
+        """Drop everything from a cycle on, because the chip's inputs changed there."""
         self._twin.history.forget(cycle)
 
 

@@ -109,7 +109,7 @@ class Window:
 
     @property
     def alive(self) -> bool:
-        """Return whether its time passes."""
+        """Return whether simulated time passes in the window."""
         return self.socket is not None or self.debugging is not None
 
     def end_work(self, *kinds: str) -> None:
@@ -423,7 +423,7 @@ class Room:
 
 
 class DebuggerRoom(Room):
-    """Where an editor finds a chip that runs elsewhere, and a browser a sentence."""
+    """A room for a chip that runs elsewhere: an editor attaches to it there, a browser gets a sentence."""
 
     def __init__(self, attach: Attach) -> None:
         super().__init__(_nothing_to_see)

@@ -367,11 +367,11 @@ class WatchSession:
 
     @property
     def on_the_way(self) -> bool:
-        """Return whether a moment is being gone to."""
+        """Return whether the window is still on its way to a moment that was asked for."""
         return self._way is not None
 
     def arrive(self) -> None:
-        """End the way to a moment where it is now: what is asked for next begins there."""
+        """Stop where the window is on its way to a moment: what is asked for next begins there."""
         if self._way is not None:
             self._way = None
             self._look_back()
@@ -568,7 +568,7 @@ class WatchSession:
         yield self.there()
 
     def there(self) -> Message:
-        """Return the moment; on the way to it, how much of that is done."""
+        """Return the moment; on the way to another one, how much of the way is done."""
         return self.shown() if self._way is None else self._proceed(0)
 
     def _do_breakpoint(self, message: Mapping[str, Any]) -> Iterator[Message]:
@@ -825,14 +825,14 @@ class WatchSession:
         yield {"is": "explanation", "pin": number_on_chip, "lines": explain_pin(chip, number_on_chip)}
 
     def come_back(self, place: Mapping[str, Any]) -> None:
-        """Take a place that a window had on a server that has ended; what is wrong with it is left out."""
+        """Restore the place that a window had on a server that has ended, but for what is wrong with it."""
         texts = place.get("breakpoints")
         for text in texts[:MAX_BREAKPOINTS] if isinstance(texts, list) else ():
             deque(self.handle({"do": "breakpoint", "text": text, "on": True}), 0)
         deque(self.handle({"do": "seek", "cycle": place.get("cycle")}), 0)
 
     def knows(self, repetition: Repetition | None) -> None:
-        """Take what the program does again and again, unless something has been done to its pins."""
+        """Use a loop of states that is known of the program, unless this window has acted on the pins."""
         self.learning = False
         if self.chip is not None and self.chip.touched == inf:
             self.chip.repetition = repetition
@@ -919,9 +919,9 @@ def _loop(subject: Subject) -> int | None:
 
 
 def repetition_of(subject: Subject) -> Repetition | None:
-    """Return what the subject's program does again and again from power-up on; None: that is not known.
+    """Return the loop of states that the subject's program falls into after power-up; None: not known.
 
-    Without it the first way to a far moment takes a few seconds.
+    Without it the first jump to a far moment takes a few seconds.
     """
     loop = _loop(subject)
     if subject.image is None or loop is None:

@@ -57,6 +57,7 @@ MAX_PARTS = 6
 SLOWER = (1.25, 1.5, 2.0)
 LOWER = (0.75, 0.5)
 SHORTER = (0.75, 0.5, 0.35, 0.25)
+"""Factors of a cycle's time, of the lift and of the steps that are tried, the smallest change first."""
 
 CAP_US = 10
 """The step, in µs, in which shorter pulses are tried."""

@@ -74,8 +74,8 @@ def second_witness(
 ) -> Witnessed:
     """Return what the checker says of a proof against a schedule, the content `text` of its file.
 
-    With `allow_held`, there is a certificate about one level of each button, too; the theorem it is not.
-    Raises ToolError where the checker refuses: one of the two witnesses is wrong.
+    With `allow_held` the certificate may be about one level of each button only, which is less than the
+    theorem. Raises ToolError where the checker refuses: one of the two witnesses is wrong.
     """
     try:
         packed = certificate(proof, image, schedule, text, allow_held)
@@ -119,7 +119,7 @@ def contract_witness(
 
 
 def restrictions(over: Quantifiers) -> list[str]:
-    """Return what a proof assumes, or is about, that the checker's is not."""
+    """Return what a proof assumes, or covers, that the checker's theorem does not."""
     named = {
         "known values at power-up (--start)": bool(over.start),
         "chips that are never reset (--no-resets)": not over.resets,
@@ -154,7 +154,8 @@ def prove_program(
 
 
 def proved(file: Path, image: Image, schedule: PulseSchedule) -> CertificateVerdict:
-    """Return the verdict on a program, which is proven unless its certificate is kept; `file` gets it.
+    """Return the verdict on a program: by the certificate that is kept of it, or else by proving it. The
+    certificate is then also in `file`.
 
     Raises ToolError.
     """
@@ -184,8 +185,8 @@ def tape_of(schedule: PulseSchedule) -> bytes:
 
 
 def cached(image: Image, text: bytes, tape: bytes = b"") -> Path | None:
-    """Return where the user's cache keeps the certificate of a program, a schedule's text and its tape; None
-    without a home.
+    """Return the path in the user's cache for the certificate of a program, a schedule's text and its tape;
+    None if the user has no home folder.
     """
     base = Path(os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or "~/.cache")
     with suppress(RuntimeError):

@@ -30,7 +30,7 @@ def film_name(page: str) -> str:
 def watch_command(lab: Lab, submission: Submission, grade: Grade) -> str:
     """Return the command line that opens a program at the moment of its film, on the lab's board.
 
-    It is for the folder in which the class was graded: a page that students get names no folder above it.
+    It works in the folder in which the class was graded: a page for students names no folder above that.
     """
     assert grade.film is not None
     cycle = round(grade.film.moment_us / float(lab.clock.cycle_us))

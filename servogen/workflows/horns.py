@@ -113,8 +113,8 @@ def horns_of(planned: PlannedJob, job: Job | None = None) -> tuple[Horn, ...]:
 def centred(job: Job) -> tuple[tuple[Horn, ...], PlannedJob]:
     """Return the horns of a job, and the job planned with each of them on the tooth that centres it best.
 
-    A job whose servos cannot go far enough is planned as if they could. Raises its error, if that is not all
-    that is in the way, or if it cannot be planned with centred horns either.
+    A job whose servos cannot go far enough is first planned as if they could. Raises the job's own error if
+    something else is wrong with it, or if centred horns do not help.
     """
     try:
         horns = horns_of(plan_job(job))

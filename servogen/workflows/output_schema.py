@@ -142,7 +142,7 @@ def output_schema(command: str | None = None) -> Schema:
 
 
 def unit_of(name: str) -> str | None:
-    """Return the unit of the numbers of a name, or what they are; None: its name does not say."""
+    """Return the unit, or the meaning, of the numbers under a name; None if the name does not tell."""
     for kind, names in UNITLESS.items():
         if name in names:
             return kind

@@ -119,7 +119,7 @@ class PairBuild:
         return next((verdict.jitter.runs for verdict in self.verdicts.values() if verdict.jitter), 1)
 
     def ran(self, folder: Path | str) -> str:
-        """Return how many runs the verdicts are about, and which command is about all others."""
+        """Return how many runs the verdicts are about, and which command covers all others."""
         said = ONE_RUN if self.runs == 1 else SEVERAL_RUNS.format(self.runs)
         return f"{said} What holds for every power-up and wire: servogen prove {folder}."
 
@@ -277,7 +277,7 @@ def judge_traces(
 def read_pair_of(
     job: PlannedJob, folder: Path
 ) -> tuple[tuple[PulseSchedule, PulseSchedule], tuple[Image, Image]]:
-    """Return what `read_pair` does of a folder that stands for the programs of `job`. Raises InputError."""
+    """Return the schedules and images in a folder that was built from `job`. Raises InputError."""
     if not is_built_pair(folder):
         raise InputError(
             "chip-pair",

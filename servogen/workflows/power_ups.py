@@ -140,9 +140,10 @@ def powered_again(before: Machine) -> Chip | None:
 
 
 def cause(chip: Chip, fails: Callable[[Sequence[ChipDifference]], bool]) -> Chip:
-    """Return few differences of a chip on which the program fails that make it fail by themselves.
+    """Return a few of a failing chip's differences that are enough to make the program fail.
 
-    `fails` is called about ten times for each: the shortest beginning of the list that fails ends with one.
+    Each is the last one of the shortest beginning of the list that still fails; to find it takes about ten
+    calls of `fails`.
     """
     needed: list[ChipDifference] = []
     rest = list(chip)

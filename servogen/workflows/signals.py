@@ -36,9 +36,8 @@ Read = Callable[[Path, str | None], Program]
 
 
 def is_program(file: Path) -> bool:
-    """Return whether a file can be run (a program, a job or the folder of a build) rather than holds edges.
-
-    Raises InputError for another suffix.
+    """Return True for a file that can be run (a program, a job or the folder of a build), False for one that
+    holds edges. Raises InputError for another suffix.
     """
     suffix = file.suffix.lower()
     if suffix in PROGRAM_SUFFIXES or file.is_dir() or is_job(file):
@@ -125,7 +124,7 @@ def refuse_chip_options(file: Path) -> None:
 
 
 def refuse_for_recording(file: Path, key: str, given: object) -> None:
-    """Raise InputError if an option is given for a recording whose value it already holds."""
+    """Raise InputError if an option states what a recording states itself."""
     if given is not None:
         raise InputError(
             "conflicting-options",
@@ -159,8 +158,8 @@ def unscheduled_edges(
     wires: Mapping[str, str] | None = None,
     stimulus: Path | None = None,
 ) -> EdgeTrace:
-    """Return the edges of the program in a file, with what drives its inputs, or those that it holds, without
-    a schedule, by default for `MEASURED_SECONDS` or up to the file's end.
+    """Return edges that no schedule is about: of the program in a file, with what drives its inputs, for
+    `MEASURED_SECONDS` unless `seconds` says otherwise; or those in a recording, up to its end.
     """
     clock = clock_of(program, clock_hz)
     if program is not None:

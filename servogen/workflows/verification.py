@@ -118,7 +118,7 @@ def judge_file(
     span: Cycles | None = None,
     hidden: Sequence[str] = (),
 ) -> Verdict:
-    """Return the verdict on a recorded trace; what is `hidden` from it is not exact (see `hidden_by`)."""
+    """Return the verdict on a recorded trace; with a reason in `hidden` it is not exact (`hidden_by`)."""
     stored = trace.stored()
     verdict = _judge_stored(schedule, stored, tells_end, span)
     unseen = [] if verdict.start is None else _not_driven(schedule, stored, verdict.start)
@@ -225,7 +225,8 @@ def judge_image(
 
 
 def not_judged(schedule: PulseSchedule, image: Image | None = None) -> tuple[str, ...]:
-    """Return what a schedule is about, or a program has, that no verdict on one run or one recording covers.
+    """Return, as sentences, what a schedule states or a program does that no verdict on one run or one
+    recording covers.
 
     `image` is the program that ran; None for a recording.
     """

@@ -57,7 +57,7 @@ class CaptureNeeds:
     """The maximum number of edges in any one frame."""
 
     def beside(self, other: CaptureNeeds) -> CaptureNeeds:
-        """Return what a capture needs that also has the edges of another chip."""
+        """Return what a capture needs that also records the edges of another chip."""
         return replace(
             self,
             edges=self.edges + other.edges,

@@ -28,6 +28,7 @@ from servogen.traces.channels import wires_of
 PROGRAM = "sigrok-cli"
 SUFFIX = ".sr"
 SLACK_S = 30.0
+"""The time in seconds that sigrok-cli has beside the capture itself: to find the analyser, and to write."""
 
 
 MODEM_LINES_SOURCE = """\

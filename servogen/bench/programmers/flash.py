@@ -70,6 +70,7 @@ def _clears_watchdog(image: Image) -> bool:
 TIMEOUT_S = 120.0
 NOT_INSERTED = re.compile(r"waiting for user to insert chip(?![\s\S]*chip detected)", re.IGNORECASE)
 LAST_LINES = 3
+"""The lines of a programmer's output that an error quotes: why it failed is in the last ones."""
 LINE = 120
 
 

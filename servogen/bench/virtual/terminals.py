@@ -37,6 +37,7 @@ OPENED, CLOSED = 0x20, 0x18
 EVENT = struct.Struct("iIII")
 """struct inotify_event: watch, mask, cookie, and the length of the name, 0 for what is not in a folder."""
 EVENTS_BYTES = 4096
+"""The bytes that are read at once; events beyond them are read the next time."""
 
 
 class Worker(Protocol):

@@ -152,6 +152,7 @@ MAX_DELAY = 50_463_240
 """The longest `_delay(n)`, in cycles, as XC8 documents it."""
 
 UNKNOWN_CLOCK_HZ = 4_000_000
+"""The clock by which delays are counted where nothing states one: the crystal of most boards."""
 
 UNITS_US = {"delay_us": 1, "delay_10us": 10, "delay_100us": 100, "delay_ms": 1000, "delay_s": 1_000_000}
 XC8_UNITS_US = {"__delay_us": 1, "__delay_ms": 1000, "__delaywdt_us": 1, "__delaywdt_ms": 1000}

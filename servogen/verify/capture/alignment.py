@@ -82,6 +82,7 @@ a frame.
 """
 
 MAX_CELLS = 1 << 22
+"""The numbers in a table of (phases, pulses) at a time: 32 MB."""
 
 
 @dataclass(frozen=True, slots=True)
