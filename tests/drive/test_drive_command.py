@@ -53,6 +53,18 @@ def test_ctrl_c_stops_the_robot(start: Start, serial: Serial) -> None:
     serial.wait_for(lambda decoder: decoder.positions[0] == position(1250))
 
 
+def test_a_robot_that_is_gone_when_it_is_to_stop_is_said_not_to_be_stopped(
+    start: Start, serial: Serial
+) -> None:
+    process = start("drive", JOBS / "omni-square.toml", "-p", serial.path, *RANGE, "--json")
+    serial.wait_for(lambda decoder: len(decoder.moves) > 5)
+    serial.unplug()
+    assert next(events(process))["event"] == "lost"
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=300)
+    assert process.returncode == 3 and "the robot was NOT stopped: the line is gone" in said
+
+
 @pytest.mark.campaign
 def test_wheels_stand_when_the_process_is_told_to_end(start: Start, serial: Serial) -> None:
     process = start("drive", JOBS / "omni-square.toml", "-p", serial.path, *RANGE, "--json")
