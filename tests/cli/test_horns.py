@@ -147,6 +147,10 @@ def test_limits_turn_with_the_horn_and_commanded_angles_hold_it(file: Path) -> N
     assert held.fixed and held.turn == 0
 
 
+def test_a_servo_that_turns_on_and_on_has_no_horn_to_turn() -> None:
+    assert horns_of(plan_job(load(Path(__file__).parents[2] / "jobs/omni-square.toml"))) == ()
+
+
 def test_what_no_horn_can_mend_keeps_its_error(run: Run, file: Path) -> None:
     far = JOB.replace("[-100, 120, 40]", "[-500, 120, 40]")
     with pytest.raises(ServogenError, match="cannot be reached"):

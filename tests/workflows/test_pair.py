@@ -117,6 +117,16 @@ def test_both_chips_are_exact_and_zero_cycles_apart_in_every_dialect(pair: PairB
     assert all(verdict.exact and verdict.apart == 0 for verdict in pair.verdicts.values())
 
 
+def test_chips_whose_frames_would_differ_are_refused() -> None:
+    """At 20 MHz a pulse of more than 1.6 ms needs ticks of 64 cycles; a frame is a whole number of ticks."""
+    chips = JOB.partition("[motion]")[0].replace("16F84", "16F84A").replace("4_000_000", "20_000_000")
+    poses = "poses = [{ a_deg = 150, b_deg = 150, c_deg = 45, d_deg = 45, hold_s = 0.1 }]\n"
+    job = plan_job(loads(f"{chips}[frame]\nperiod_us = 20_012.8\n[motion]\n{poses}", "pair.toml"))
+    for made in (planned_pair, build_pair):
+        with pytest.raises(InputError, match="frames differ: 100096 and 100064 cycles"):
+            made(job)
+
+
 def test_poses_reach_both_chips_in_the_same_frame(pair: PairBuild) -> None:
     """Four frames of the first chip are the second one's wait; from there on both play the same frame."""
     first, second = (build.plan.schedule for build in pair.chips)
