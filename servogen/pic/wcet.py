@@ -120,7 +120,6 @@ class _NoBound(Exception):
     """Raised for something whose time is not known."""
 
     def __init__(self, kind: str, address: int) -> None:
-        super().__init__(kind)
         self.why = Unbounded(kind, (address,))
 
 

@@ -55,11 +55,27 @@ def test_simulate_prints_the_end_and_writes_only_what_is_asked_for(run: Run, pro
 
 
 def test_the_profile_of_simulate_is_of_the_same_run(run: Run, program: Path) -> None:
-    out = run("simulate", program, "--cycles", 200, "--profile").out
-    assert "deepest stack 1 of 8, 0 bytes of RAM written" in out
+    program.write_text(SOURCE.replace("nop", "movf 0x20, f"))
+    out = run("simulate", program, "--cycles", 200, "--profile").out.splitlines()
+    rows = [line.split() for line in out if "reset " in line or "pulse " in line or "a.asm" in line]
+    assert rows[:2] == [["reset", "194", "97.00"], ["pulse", "6", "3.00"]]
+    assert rows[2:4] == [["a.asm:11", "186", "93.00", "93"], ["a.asm:9", "2", "1.00", "1"]]
+    assert out[-3:] == [
+        "92.3 % of the program's words were executed",  # 12 of 13
+        "deepest stack 1 of 8, 1 byte of RAM written",
+        "read before they were written: 0x20",
+    ]
     found = json.loads(run("simulate", program, "--cycles", 200, "--profile", "--json").out)
     assert (found["edges"], found["profile"]["cycles"], found["cycles"]) == (2, 200, 200)
     assert "profile" not in json.loads(run("simulate", program, "--json").out)
+
+
+def test_what_the_chip_warns_of_is_said(run: Run, program: Path) -> None:
+    program.write_text(SOURCE.replace("nop", "dw 1"))
+    shown = run("simulate", program, "--json")
+    assert [each["code"] for each in json.loads(shown.out)["diagnostics"]] == ["undefined-word"]
+    assert shown.err.splitlines()[0] == "1 warning:"
+    assert "undefined-word" in run("simulate", program).err
 
 
 def test_simulate_tells_how_far_it_is_at_each_edge(

@@ -9,7 +9,7 @@ from servogen.pic.assembler import Assembly, assemble
 from servogen.pic.listing import ListedFunction
 from servogen.pic.wcet import TimedProgram, Times, Unbounded
 from servogen.simulator import Machine
-from servogen.units import Clock
+from servogen.units import Clock, Cycles
 from tests.campaigns import sampled
 
 ARITHMETIC = ("addwf", "subwf", "xorwf", "andwf", "rlf", "rrf", "incf", "comf", "swapf", "movf")
@@ -191,6 +191,13 @@ def test_a_jump_at_the_end_of_a_function_leads_to_a_table_elsewhere() -> None:
     )
     assert most(text) == 2 + 1 + 2 + 2
     assert most(text.replace("f_table", " nop\nf_table")) is None
+
+
+def test_a_jump_to_another_function_costs_two_cycles_and_that_functions_way_to_its_return() -> None:
+    two = "f_two\n btfss PORTB, 0\n return\n nop\n return\n"
+    program, labels = timed(f"main\n call f_one\ndone\n goto done\nf_one\n nop\n goto f_two\n{two}")
+    assert program.times(labels["f_two"]) == Times(Cycles(1 + 2), Cycles(2 + 1 + 2))
+    assert program.times(labels["f_one"]) == Times(Cycles(1 + 2 + 3), Cycles(1 + 2 + 5))
 
 
 def test_ways_through_a_forbidden_address_do_not_count() -> None:

@@ -15,6 +15,7 @@ from servogen.checker import Checked, Refused
 from servogen.edges import PINS, UNDRIVEN, EdgeTrace, edge_chunk
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.pic.image import Image
+from servogen.pic.isa import encode
 from servogen.pic.listing import Listing, ListingRow
 from servogen.plan_error import PlanError
 from servogen.pulse import PulseSchedule
@@ -267,6 +268,13 @@ def test_without_a_repetition_what_was_searched_is_compared_and_at_least_a_frame
     monkeypatch.setattr(verification, "judge_image", lambda schedule, image, span, *more: ("verdict", span))
     found = judge_forever(SCHEDULE, Image({}), Cycles(99))
     assert found == Forever(cast(Any, ("verdict", span)), 0, 0, "no end")
+
+
+def test_a_schedule_without_a_pulse_has_no_frames_to_repeat() -> None:
+    silent = replace(SCHEDULE, lead_in=(), loop=(Run(2, (None,)),))
+    found = judge_forever(silent, Image({0: encode("GOTO", k=0)}), Cycles(99))
+    assert (found.lead_in, found.loop, found.passed) == (0, 0, False)
+    assert found.reason == "the schedule has no pulse, with which frames would begin"
 
 
 def test_a_certificate_is_missing_refused_or_valid(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
