@@ -133,16 +133,16 @@ class _Memory:
     """By byte of the EEPROM: what its tables say, numbered."""
     _tables: dict[tuple[int, ...], RunTable] = field(default_factory=dict)
 
-    def runs_from(self, ram: Ram) -> RunTable:
+    def table_from(self, ram: Ram) -> RunTable:
         """Return the runs that hold for a start with this RAM; none yet if it agrees with no other."""
         return self._tables.setdefault(self._key(ram), RunTable(ram))
 
-    def keep(self, runs: RunTable, read: Set[int]) -> None:
+    def keep(self, table: RunTable, read: Set[int]) -> None:
         """Keep runs that read these places; if that is more than others did, all get longer keys."""
         if not self.read >= read:
             self.read |= read
             self._tables = {self._key(known.example): known for known in self._tables.values()}
-        self._tables[self._key(runs.example)] = runs
+        self._tables[self._key(table.example)] = table
 
     def _key(self, ram: Ram) -> tuple[int, ...]:
         return tuple(ram[place] for place in sorted(self.read))
@@ -184,7 +184,7 @@ class SplitRuns:
         """Return whether no unknown bit decided, or was written to the RAM, in any row."""
         return self.table.fit and not any((column >= VALUES).any() for column in self.table.ram.values())
 
-    @property
+    @cached_property
     def pairing(self) -> Pairing:
         """Return what tables of two bytes at the end depend on."""
         return Pairing(self.table, self.rows)
@@ -221,9 +221,8 @@ class SplitRuns:
         """Return tables of two bytes, with one pairing, of the places to which every row of the table writes
         a known byte, not always the same.
         """
-        pairing = self.pairing
         return {
-            place: ByteTable(self.addresses, column[self.rows], pairing)
+            place: ByteTable(self.addresses, column[self.rows], self.pairing)
             for place, column in self.table.ram.items()
             if ((column >= 0) & (column < VALUES)).all() and (column != column[0]).any()
         }
@@ -251,12 +250,15 @@ class TableRunner:
         memory = self._memories.setdefault(key, _Memory())
         # With a pairing, the rows of the earlier runs are the classes: they determine what the tables say.
         classes = pairing.rows if pairing else memory.class_numbers(addresses, split.values())
-        runs = memory.runs_from(start.ram)
-        rows = runs.rows_of(classes)
-        if runs.fit and (rows < 0).any():
-            runs = self._run_missing(memory, runs, start, classes, addresses, split)
-            rows = runs.rows_of(classes)
-        return SplitRuns(start.ram, split, addresses, runs, rows)
+        table = memory.table_from(start.ram)
+        missing = np.flatnonzero(table.rows_of(classes) < 0)
+        if table.fit and len(missing):
+            new, first = np.unique(classes.ravel()[missing], return_index=True)
+            contents = missing[first]
+            columns = [spread(each, addresses).ravel()[contents] for each in split.values()]
+            values = np.array(columns, dtype=np.int64).reshape(len(split), len(new)).T.copy()
+            table = self._extended(table, memory, start, (*split,), new, values)
+        return SplitRuns(start.ram, split, addresses, table, table.rows_of(classes))
 
     def _with_constants(self, start: ChipState, addresses: tuple[int, ...], split: Split) -> Split:
         """Return also what is constant here but is split in other frames: then the frames share rows."""
@@ -269,36 +271,32 @@ class TableRunner:
         often |= {*split}
         return {**split, **constants}
 
-    def _run_missing(
+    def _extended(
         self,
+        table: RunTable,
         memory: _Memory,
-        runs: RunTable,
         start: ChipState,
-        classes: Ints,
-        addresses: tuple[int, ...],
-        split: Split,
+        places: tuple[Place, ...],
+        new: Ints,
+        values: Ints,
     ) -> RunTable:
-        """Run the classes that have no row; return the runs, which other starts no longer share if they have
-        read a byte in which these differ.
+        """Return the runs with those of new equivalence classes, which have `values` in `places`.
+
+        Other starts no longer share it if these runs read a byte in which they differ.
         """
-        new, contents = np.unique(classes, return_index=True)
-        missing = runs.rows_of(new) < 0
-        new, contents = new[missing], contents[missing]
-        columns = [spread(table, addresses).ravel()[contents] for table in split.values()]
-        values = np.array(columns, dtype=np.int64).reshape(len(split), len(new)).T.copy()
         batches = []
         for begin in range(0, len(new), CHUNK):
             part = slice(begin, begin + CHUNK)
-            lanes = self._chip.run_lanes(start, tuple(split), values[part], self._stops, self._limit)
+            lanes = self._chip.run_lanes(start, places, values[part], self._stops, self._limit)
             batches.append((new[part], lanes))
             self.count += len(values[part])
             if not lanes.fit.all():
                 break
-        read = {place for _, lanes in batches for place in lanes.read} - {*split}
-        if any(runs.example[place] != start.ram[place] for place in read):
-            runs = runs.copied_for(start.ram)
-        for numbers, lanes in batches:
-            runs.add(numbers, lanes)
-        self.written |= {*runs.ram}
-        memory.keep(runs, read)
-        return runs
+        read = {place for _, lanes in batches for place in lanes.read} - {*places}
+        if any(table.example[place] != start.ram[place] for place in read):
+            table = table.copied_for(start.ram)
+        for classes, lanes in batches:
+            table.add(classes, lanes)
+        self.written |= {*table.ram}
+        memory.keep(table, read)
+        return table

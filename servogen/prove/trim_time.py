@@ -7,8 +7,9 @@ What else may have happened to TMR0 and to flags meanwhile, by pins, is unknown 
 
 from __future__ import annotations
 
-from servogen.prove.chip import BASE, FIELD, TIME_FIELDS, UNCERTAIN, AbstractChip, ChipState, Reason
-from servogen.prove.transitions import Ram, Rest
+from servogen.prove.chip import BASE, FIELD, TIME_FIELDS, UNCERTAIN, AbstractChip, Reason
+from servogen.prove.transitions import Rest
+from servogen.prove.trim_states import TrimState
 from servogen.simulator import layout
 from servogen.simulator.slots import Future
 
@@ -24,27 +25,30 @@ class PassingTime:
     def __init__(self, idle: AbstractChip) -> None:
         """Prepare; the program of `idle` is NOPs."""
         self._idle = idle
-        self._later: dict[tuple[Rest, int], Rest | None] = {}
+        self._later: dict[tuple[Rest, int], Rest] = {}
 
-    def after(self, ram: Ram, rest: Rest, cycles: int) -> Rest | None:
-        """Return `rest` so many cycles later; None if something happens by itself meanwhile."""
-        if cycles and (rest, cycles) not in self._later:
-            outcome = self._idle.run(ChipState(ram, rest), frozenset(), cycles)
-            quiet = outcome.reason is Reason.LIMIT and outcome.cycles == cycles and not outcome.edges
+    def after(self, state: TrimState, cycles: int) -> Rest:
+        """Return a state beside the RAM so many cycles later. Raises UndecidedTrims."""
+        if not cycles:
+            return state.rest
+        later = self._later.get((state.rest, cycles))
+        if later is None:
+            outcome = self._idle.run(state.chip, frozenset(), cycles)
+            if outcome.reason is not Reason.LIMIT or outcome.cycles != cycles or outcome.edges:
+                raise state.undecided("something happens by itself")
             fields = list(outcome.rest)
-            fields[FIELD["PC"]] = rest[FIELD["PC"]]
-            self._later[rest, cycles] = tuple(fields) if quiet else None
-        return self._later[rest, cycles] if cycles else rest
+            fields[FIELD["PC"]] = state.rest[FIELD["PC"]]
+            later = self._later[state.rest, cycles] = tuple(fields)
+        return later
 
-
-def with_time_of(later: Rest, rest: Rest) -> Rest:
-    """Return `rest` at the time of `later`."""
-    fields = list(rest)
-    for name in TIME_FIELDS:
-        fields[FIELD[name]] = later[FIELD[name]]
-    timed = unknown(tuple(fields), INTCON=FLAGS, RB_OLD=layout.RB4_TO_7)
-    # TMR0 counts the edges of RA4 then, which a chip that executes NOPs does not make.
-    return at_any_time(timed) if rest[FIELD["OPTION"]] & layout.T0CS else timed
+    def with_time_after(self, state: TrimState, cycles: int, rest: Rest) -> Rest:
+        """Return `rest`, but what time changes as it is `cycles` after `state`. Raises UndecidedTrims."""
+        fields, later = list(rest), self.after(state, cycles)
+        for name in TIME_FIELDS:
+            fields[FIELD[name]] = later[FIELD[name]]
+        timed = unknown(tuple(fields), INTCON=FLAGS, RB_OLD=layout.RB4_TO_7)
+        # TMR0 counts the edges of RA4 then, which a chip that executes NOPs does not make.
+        return at_any_time(timed) if rest[FIELD["OPTION"]] & layout.T0CS else timed
 
 
 def at_any_time(rest: Rest) -> Rest:

@@ -26,10 +26,10 @@ from servogen.prove.forks import Choices, PreparedProgram, before_instruction
 from servogen.prove.generalise import Generaliser
 from servogen.prove.table_runs import SplitRuns, TableRunner
 from servogen.prove.tables import EEDATA, VALUES, ByteTable, Place, UndecidedTrims, addresses_of, pairing_of
-from servogen.prove.transitions import Rest, Transitions, applied
+from servogen.prove.transitions import Transitions, applied
 from servogen.prove.trim_pulses import TrimPulses
 from servogen.prove.trim_states import TrimState
-from servogen.prove.trim_time import PassingTime, at_any_time, unknown, with_time_of
+from servogen.prove.trim_time import PassingTime, at_any_time, unknown
 from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import START_FRAMES
 from servogen.simulator import layout
@@ -75,7 +75,7 @@ class TrimProof:
         pauses. No run between stops is longer than `limit` cycles.
         """
         self._program, self._generaliser, self._chip = program, generaliser, chip
-        self._always, self._phases, self._limit = always, phases, limit
+        self._always, self._phases = always, phases
         self._timer = program.accesses(layout.TMR0_ADDRESS)
         self._reads = program.accesses(layout.EEDATA_ADDRESS, writing=True)  # or EECON1
         after = {address + 1 for address in self._reads}
@@ -104,10 +104,9 @@ class TrimProof:
         """Return whether a state is to be followed: at a cut only if it has not been there."""
         if state.pc not in self._generaliser.cuts:
             return True
-        key = state.key
-        known = key in self._visited
-        self._visited.add(key)
-        return not known
+        count = len(self._visited)
+        self._visited.add(state.key)
+        return len(self._visited) > count
 
     def _followers(self, state: TrimState) -> list[TrimState]:
         """Return the states at the next stops, general at cut points."""
@@ -141,7 +140,7 @@ class TrimProof:
         """Return where the chips of each time come, one time after the other."""
         states: dict[object, TrimState] = {}
         for late in state.times:
-            rest = self._after_waiting(state, late)
+            rest = self._time.after(state, late)
             outcome = self._alone.run(state.ram, self._alone.number(rest), choices)
             if outcome.reason is not Reason.STOP:
                 raise state.undecided("; ".join(outcome.warnings) or "an unknown bit decides")
@@ -175,9 +174,9 @@ class TrimProof:
         if outcome.reason is not Reason.STOP or outcome.edges or outcome.written:
             raise state.undecided("more than a byte of the EEPROM is read")
         position = self._pulses.advance(state.position, outcome.cycles)
-        rest = self._with_time_after(state, outcome.rest, outcome.cycles)
+        rest = self._time.with_time_after(state, outcome.cycles, unknown(outcome.rest, EEDATA=0xFF))
         tables = {**state.tables, EEDATA: ByteTable((address,), np.arange(VALUES))}
-        return replace(state, rest=unknown(rest, EEDATA=0xFF), tables=tables, position=position)
+        return replace(state, rest=rest, tables=tables, position=position)
 
     def _step_all_times(self, state: TrimState) -> TrimState:
         """Return where the chips of all times come, which no instruction on the way can tell apart."""
@@ -214,7 +213,9 @@ class TrimProof:
             raise state.undecided("a pin changes at a time that depends on the EEPROM")
         latest = last - first + state.times[-1]
         position = self._pulses.after_edges(position, runs.edges, runs.addresses, first, latest)
-        rest = self._with_time_after(state, runs.table.rest, first)
+        rest = self._time.with_time_after(state, first, runs.table.rest)
+        if EEDATA in state.tables:
+            rest = unknown(rest, EEDATA=0xFF)
         later = (np.unique(runs.cycles) - first).tolist()
         times = tuple(sorted({time + more for time in state.times for more in later}))
         return replace(state.joined(runs), rest=rest, times=times, position=position)
@@ -235,19 +236,6 @@ class TrimProof:
             if alone.joinable:
                 arrived = arrived.completed(alone)
         return arrived
-
-    # time
-
-    def _after_waiting(self, state: TrimState, cycles: int) -> Rest:
-        later = self._time.after(state.ram, state.rest, cycles)
-        if later is None:
-            raise state.undecided("something happens by itself")
-        return later
-
-    def _with_time_after(self, state: TrimState, rest: Rest, cycles: int) -> Rest:
-        """Return `rest`, but TMR0 as it is `cycles` after `state`."""
-        timed = with_time_of(self._after_waiting(state, cycles), rest)
-        return unknown(timed, EEDATA=0xFF) if EEDATA in state.tables else timed
 
 
 def _finer(state: TrimState, split: frozenset[Place], read: Iterable[int]) -> frozenset[Place]:

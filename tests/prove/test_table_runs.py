@@ -12,7 +12,7 @@ from servogen.prove.chip import ALL_UNKNOWN, FIELDS, AbstractChip, ChipState
 from servogen.prove.table_runs import TableRunner, join_rests
 from servogen.prove.tables import VALUES, ByteTable, Ints, Place, UndecidedTrims, addresses_of, along, spread
 from servogen.prove.trim_states import TrimState
-from servogen.prove.trim_time import at_any_time, with_time_of
+from servogen.prove.trim_time import PassingTime, at_any_time
 from servogen.simulator import SimulatorOptions, layout
 from tests.prove.chip_states import fields, rest
 from tests.prove.test_abstract import OUTPUTS
@@ -201,10 +201,18 @@ def test_nothing_is_known_of_the_timer_at_any_time() -> None:
     assert fields(plain, "TMR0_UNKNOWN", "PRESCALER_UNKNOWN", "T0_TICK") == [0xFF, 0xFF, layout.NEVER]
 
 
-def test_the_time_of_another_state_is_known_unless_pins_are_counted() -> None:
+def test_the_time_is_that_of_a_chip_that_waits_unless_pins_are_counted() -> None:
     """With T0CS TMR0 counts edges of RA4 (DS35007 section 5.1), which a program may make."""
-    later = rest(TMR0=9, PRESCALER=3, WDT_AT=7, W=1)
-    names = "TMR0", "TMR0_UNKNOWN", "PRESCALER", "WDT_AT", "W", "INTCON_UNKNOWN", "RB_OLD_UNKNOWN"
-    timed = with_time_of(later, rest(TMR0=2, W=5))
-    assert fields(timed, *names) == [9, 0, 3, 7, 5, 7, layout.RB4_TO_7]
-    assert fields(with_time_of(later, rest(OPTION=layout.T0CS)), *names[:2]) == [0, 0xFF]
+    idle = AbstractChip(image(" nop\n" * 20), CLOCK, SimulatorOptions(start=(("tmr0", 5),)), held={4: 0})
+    names = "TMR0", "TMR0_UNKNOWN", "INTCON_UNKNOWN", "RB_OLD_UNKNOWN"
+    for option, told in ((layout.PSA, [15, 0]), (layout.PSA | layout.T0CS, [0, 0xFF])):
+        start = idle.power_on()
+        start = ChipState(start.ram, changed(start.rest, OPTION=option))
+        later = PassingTime(idle).with_time_after(TrimState(start.ram, start.rest), 10, start.rest)
+        assert fields(later, *names) == [*told, 7, layout.RB4_TO_7], option
+        assert fields(later, "PC", "W_UNKNOWN") == fields(start.rest, "PC", "W_UNKNOWN")
+
+
+def changed(state: tuple[int, ...], **values: int) -> tuple[int, ...]:
+    """A state beside the RAM with other values in some fields."""
+    return tuple(values.get(name, value) for name, value in zip(FIELDS, state, strict=True))
