@@ -24,6 +24,7 @@ HEADINGS = {name: f"`[[{name}]]`" if name in LISTS else f"`[{name}]`" for name i
 
 def rows(heading: str) -> dict[str, str]:
     """Key -> default, as the page tells them; a cell of several keys has one default, or each its own."""
+    assert f"| {heading} |" in PAGE, f"docs/job.md has no table of {heading}"
     table = PAGE.split(f"| {heading} |")[1].split("\n\n")[0]
     found: dict[str, str] = {}
     for line in table.splitlines()[2:]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -171,7 +172,9 @@ def test_the_protocol_and_the_firmware_of_engines_know_no_engine() -> None:
 
 
 @pytest.mark.parametrize("name", ENGINES)
-def test_each_engine_has_a_package_and_a_folder_of_templates_of_its_name(name: str) -> None:
+def test_each_engine_has_a_package_a_folder_of_templates_and_pages_that_name_it(name: str) -> None:
     assert ENGINES[name].module == f"servogen.engines.{name}.engine"
     assert (ROOT / "templates" / name / "main.c.j2").is_file()
     assert engine_named(name).title
+    for page in ("job", "firmware"):
+        assert re.search(f'`"?{name}"?`', (ROOT / "docs" / f"{page}.md").read_text()), f"docs/{page}.md"

@@ -12,7 +12,7 @@ from servogen.errors import InputError
 from servogen.kinematics.catalogue import arm
 from servogen.kinematics.forward import fk, fk_position
 from servogen.kinematics.inverse import numerical
-from servogen.kinematics.inverse.closed_forms import WRIST_JOINTS, TargetComponents, spherical
+from servogen.kinematics.inverse.closed_forms import TargetComponents, spherical, wrist_joints
 from servogen.kinematics.inverse.solve import (
     Solutions,
     free_joints,
@@ -37,7 +37,7 @@ def is_among(q: np.ndarray, solutions: np.ndarray, turning: list[bool]) -> np.nd
 
 
 def with_wrist_at_home(found: Arm, q: np.ndarray) -> np.ndarray:
-    free = len(found.joints) - WRIST_JOINTS.get(found.closed_form or "", 0)
+    free = len(found.joints) - wrist_joints(found)
     return np.concatenate(
         [q[:, :free], np.broadcast_to(found.home[free:], (len(q), len(found.home) - free))], axis=1
     )

@@ -1,6 +1,7 @@
 """Robot files: what they describe, and errors that name the line."""
 
 import re
+import tomllib
 from math import degrees, inf, radians
 from pathlib import Path
 
@@ -245,6 +246,9 @@ def test_other_names_of_the_same_robots() -> None:
         assert robots.robot(alias) is robots.robot(name)
     with pytest.raises(InputError, match="did you mean 'leg'"):
         robots.robot("legg")
+    files = (Path(model.__file__).parent / "catalogue" / "robots").glob("*.toml")
+    aliases = [alias for each in files for alias in tomllib.loads(each.read_text("utf-8")).get("aliases", ())]
+    assert len({*aliases, *NAMES}) == len(aliases) + len(NAMES), "a name of two robots"
 
 
 def test_homes_and_limits_of_the_specification() -> None:

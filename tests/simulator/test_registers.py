@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 
 import pytest
 
 from servogen.pic.device import RAM_FIRST, REGISTERS, Register, registers
-from servogen.simulator import Machine, SimulatorOptions, layout
-from servogen.simulator.layout import NOT_STORED, ROWS, UNCERTAIN
+from servogen.simulator import LevelChange, Machine, Recorded, SimulatorOptions, Stimuli, layout
+from servogen.simulator.layout import MCLR_PIN, NOT_STORED, ROWS, UNCERTAIN
 from servogen.simulator.slots import SlotFacts
 from tests.simulator.helpers import CLOCK, image
 
@@ -40,9 +41,13 @@ def test_each_slot_has_the_name_of_its_row_and_is_used_once() -> None:
 
 
 def test_what_is_undefined_at_power_up_can_be_given_and_named() -> None:
-    """A start value for the bits that table 6-4 marks "x", and a source that is not that of a byte of RAM."""
+    """A start value for the bits that table 6-4 marks "x", which docs/proof.md names, and a source that is
+    not that of a byte of RAM.
+    """
     rows = [row for row, _ in UNCERTAIN if row.undefined]
     assert len({row.start for row in rows} - {""}) == len(rows)
+    page = (Path(__file__).parents[2] / "docs" / "proof.md").read_text("utf-8")
+    assert [row.start for row in rows if f"`{row.start}`" not in page] == []
     sources = [row.source for row in rows if row.source]
     assert len(set(sources)) == len(sources)
     assert max(sources) < RAM_FIRST
@@ -66,3 +71,20 @@ def test_an_instruction_reads_the_slot_of_the_row_with_its_unknown_bits(row: Slo
     chip.run(1)
     assert int(state[layout.W]) == expected
     assert int(state[layout.W_UNKNOWN]) & row.undefined == doubtful
+
+
+KEPT = {"STATUS": 0x1F, "PCLATH": 0, "INTCON": 0x01, "EECON1": 0x08, "OPTION_REG": 0}
+"""The bits that a reset by MCLR keeps: DS35007 table 6-4, "u"; those of the other registers are all kept."""
+
+
+@pytest.mark.parametrize("row", READ, ids=lambda row: row.name)
+def test_a_reset_by_mclr_keeps_the_bits_that_table_6_4_says(row: SlotFacts) -> None:
+    reset = Stimuli([Recorded([LevelChange(3, MCLR_PIN, 0)])])
+    kept = KEPT.get(row.register, 0xFF)
+    for value in (row.bits & 0x55, row.bits & 0x2A):
+        chip = Machine(image(" nop\n" * 9), CLOCK, stimulus=reset)
+        chip.run(2)
+        chip.numbers[row.number] = value
+        chip.run(6)
+        assert chip.state().registers["PCL"] == 0
+        assert int(chip.numbers[row.number]) == value & kept | (0xFF if row.register == "OPTION_REG" else 0)

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from servogen.errors import InputError
-from servogen.kinematics.catalogue import arm, robot
+from servogen.kinematics.catalogue import arm, names, robot
 from servogen.kinematics.forward import fk_position
 from servogen.kinematics.hexapod import Hexapod, feet
 from servogen.kinematics.statics import gravity_torques
+from servogen.robot.model import Arm
 from servogen.twin import Ground, TwinSettings, Variation
 from servogen.twin.bodies import FOOT_RADIUS_M, bodies
 from servogen.twin.causes import EventKind
@@ -22,10 +23,7 @@ from tests.twin.walking import JOBS, firmware
 
 mujoco = pytest.importorskip("mujoco", reason="the twin's physics needs MuJoCo: pip install 'servogen[twin]'")
 
-ARMS = (
-    *("theta-r", "theta1-theta2", "cylindrical", "cylindrical-r2p", "cartesian", "spherical"),
-    *("spherical-wrist", "scara", "wrist-arm", "anthropomorphic", "rv-m1", "irb6400c"),
-)
+ARMS = [name for name in names() if isinstance(robot(name), Arm) and name != "leg"]  # its rows: below
 
 
 def loaded(text: str) -> tuple[object, object]:

@@ -20,13 +20,7 @@ from servogen.errors import InputError, check_known
 from servogen.kinematics import catalogue
 from servogen.kinematics.forward import BLOCK, fk, whole_chain
 from servogen.kinematics.inverse import numerical
-from servogen.kinematics.inverse.closed_forms import (
-    CLOSED_FORMS,
-    DIVISORS,
-    Branch,
-    ClosedForm,
-    TargetComponents,
-)
+from servogen.kinematics.inverse.closed_forms import CLOSED_FORMS, Branch, Solver, TargetComponents
 from servogen.kinematics.inverse.meeting_axes import meeting_axes, meeting_axes_branches
 from servogen.kinematics.transforms import Floats, frame_matrix, inverse
 from servogen.robot.model import Arm, FixedFrame
@@ -55,7 +49,7 @@ def has_closed_form(arm: Arm, oriented: bool) -> bool:
     return _closed_form(arm, oriented) is not None
 
 
-def _closed_form(arm: Arm, oriented: bool) -> ClosedForm | None:
+def _closed_form(arm: Arm, oriented: bool) -> Solver | None:
     """Return the form that solves `arm`; a tool that moves the tip needs an orientation for it."""
     form = arm.closed_form
     if form is None:
@@ -68,10 +62,10 @@ def _closed_form(arm: Arm, oriented: bool) -> ClosedForm | None:
             f"the rows of '{arm.name}' are not those that the closed form '{form}' solves",
             hint=f'write like = "{form}", or leave closed_form out: the numerical method takes any rows',
         )
-    if any(arm.length[name] == 0.0 for name in DIVISORS.get(form, ())):
+    if any(arm.length[name] == 0.0 for name in CLOSED_FORMS[form].divisors):
         return None
     tool = arm.tool
-    return CLOSED_FORMS[form] if oriented or (tool.x == tool.y == tool.z == 0.0) else None
+    return CLOSED_FORMS[form].branches if oriented or (tool.x == tool.y == tool.z == 0.0) else None
 
 
 def closed_solutions(

@@ -165,7 +165,7 @@ def spherical_wrist(arm: Arm, target: TargetComponents) -> list[Branch]:
     return branches
 
 
-ClosedForm = Callable[[Arm, TargetComponents], list[Branch]]
+Solver = Callable[[Arm, TargetComponents], list[Branch]]
 
 
 def _two_links(x: Floats, y: Floats, first: float, second: float) -> list[tuple[Floats, Floats]]:
@@ -336,40 +336,39 @@ def _coxa_femur_tibia(arm: Arm, target: TargetComponents) -> list[Branch]:
     ]
 
 
-WRIST_JOINTS: Mapping[str, int] = MappingProxyType(
-    {"cylindrical": 1, "scara": 1, "wrist-arm": 1, "rv-m1": 2, "irb6400c": 3, "spherical-wrist": 3}
-)
-"""The number of last joints that stay at home if a target has no orientation."""
+@dataclass(frozen=True, slots=True)
+class ClosedForm:
+    """A closed form; the number of last joints that stay at home if a target has no orientation; the lengths
+    that it divides by: if one of them is 0, it does not apply.
+    """
 
-DIVISORS: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "theta1-theta2": ("l1", "l2"),
-        "scara": ("l1", "l2"),
-        "anthropomorphic": ("l2", "l3"),
-        "rv-m1": ("a2", "a3"),
-        "irb6400c": ("l1",),
-        "coxa-femur-tibia": ("femur", "tibia"),
-    }
-)
-"""The lengths that a closed form divides by: if one of them is 0, the form does not apply."""
+    branches: Solver
+    wrist_joints: int
+    divisors: tuple[str, ...]
+
 
 CLOSED_FORMS: Mapping[str, ClosedForm] = MappingProxyType(
     {
-        "theta-r": _theta_r,
-        "theta1-theta2": _theta_theta,
-        "cylindrical": _cylindrical,
-        "cylindrical-r2p": _cylindrical_r2p,
-        "cartesian": _cartesian,
-        "scara": _scara,
-        "wrist-arm": _wrist_arm,
-        "anthropomorphic": _anthropomorphic,
-        "rv-m1": _rv_m1,
-        "irb6400c": irb6400c,
-        "spherical": spherical,
-        "spherical-wrist": spherical_wrist,
-        "pantograph": _pantograph,
-        "hip-lift": _hip_lift,
-        "coxa-femur-tibia": _coxa_femur_tibia,
+        "theta-r": ClosedForm(_theta_r, 0, ()),
+        "theta1-theta2": ClosedForm(_theta_theta, 0, ("l1", "l2")),
+        "cylindrical": ClosedForm(_cylindrical, 1, ()),
+        "cylindrical-r2p": ClosedForm(_cylindrical_r2p, 0, ()),
+        "cartesian": ClosedForm(_cartesian, 0, ()),
+        "scara": ClosedForm(_scara, 1, ("l1", "l2")),
+        "wrist-arm": ClosedForm(_wrist_arm, 1, ()),
+        "anthropomorphic": ClosedForm(_anthropomorphic, 0, ("l2", "l3")),
+        "rv-m1": ClosedForm(_rv_m1, 2, ("a2", "a3")),
+        "irb6400c": ClosedForm(irb6400c, 3, ("l1",)),
+        "spherical": ClosedForm(spherical, 0, ()),
+        "spherical-wrist": ClosedForm(spherical_wrist, 3, ()),
+        "pantograph": ClosedForm(_pantograph, 0, ()),
+        "hip-lift": ClosedForm(_hip_lift, 0, ()),
+        "coxa-femur-tibia": ClosedForm(_coxa_femur_tibia, 0, ("femur", "tibia")),
     }
 )
 """The closed forms by the name that a robot's file gives."""
+
+
+def wrist_joints(arm: Arm) -> int:
+    """Return how many last joints of `arm` only an orientation determines."""
+    return CLOSED_FORMS[arm.closed_form].wrist_joints if arm.closed_form in CLOSED_FORMS else 0

@@ -28,7 +28,7 @@ from servogen.kinematics.inverse.checked_forms import (
     closed_solutions,
     has_closed_form,
 )
-from servogen.kinematics.inverse.closed_forms import WRIST_JOINTS
+from servogen.kinematics.inverse.closed_forms import wrist_joints
 from servogen.kinematics.inverse.numerical import limits
 from servogen.kinematics.inverse.unreachable import Unreachable
 from servogen.kinematics.jacobian import jacobian
@@ -354,7 +354,7 @@ def _spread(arm: Arm, count: int) -> Floats:
 
 def _held(arm: Arm) -> list[bool]:
     """Return which joints stay at home if no orientation is given."""
-    free = len(arm.joints) - WRIST_JOINTS.get(arm.closed_form or "", 0)
+    free = len(arm.joints) - wrist_joints(arm)
     return [index >= free for index in range(len(arm.joints))]
 
 
