@@ -23,6 +23,7 @@ from servogen.compiler.ir.instruction import (
     Label,
     Reg,
 )
+from servogen.graph import reached
 from servogen.pic.device import BOTH_BANKS, RAM_FIRST, RAM_LAST, addresses
 
 UNKNOWN = 2
@@ -86,16 +87,11 @@ def exit_banks(functions: Mapping[str, Function], reaching: set[str]) -> dict[st
 
 def _with_callers(functions: Mapping[str, Function], wanted: Callable[[Instruction], bool]) -> set[str]:
     """Return the functions that contain such an instruction, and all that call or enter one of them."""
-    names = {
+    containing = [
         name for name, function in functions.items() if any(wanted(ins) for ins in function.instructions())
-    }
+    ]
     calls = {name: function.calls() for name, function in functions.items()}
-    grown = True
-    while grown:
-        more = {name for name, called in calls.items() if not names.isdisjoint(called)} - names
-        grown = bool(more)
-        names |= more
-    return names
+    return set(reached(containing, lambda called: [name for name in calls if called in calls[name]]))
 
 
 def _leaving(

@@ -17,6 +17,7 @@ from servogen.compiler.diagnostics import Reporter
 from servogen.compiler.sema.call_graph import CallGraph, has_assembly, statements
 from servogen.compiler.sema.function_pointers import DISPATCHER
 from servogen.errors import Location
+from servogen.graph import reached
 from servogen.pic.device import register_bits
 
 _PORTS = {"PORTA": "TRISA", "PORTB": "TRISB"}
@@ -27,7 +28,7 @@ def check_program(graph: CallGraph, reporter: Reporter, *, watchdog: bool) -> No
     """Report all warnings of this module. `watchdog`: whether the configuration word switches it on."""
     if not graph.program_has_assembly:
         _inputs(graph.program, reporter)
-    _unused_results(graph.program, reporter)
+    _unused_results(graph, reporter)
     if graph.handler:
         _shared(graph, reporter)
     if not graph.program_has_assembly:
@@ -96,20 +97,17 @@ def _changed_bits(expr: tree.Assign | tree.Update, port: str) -> list[int]:
 # calls whose only effect is their result
 
 
-def _unused_results(program: tree.ProgramTree, reporter: Reporter) -> None:
+def _unused_results(graph: CallGraph, reporter: Reporter) -> None:
     """Warn about a statement that calls a function without effects and discards its result."""
-    acting: set[str] = set()
-    grown = True
-    # a function acts if one that it calls acts: repeat until no more are found
-    while grown:
-        more = {
-            name
-            for name, definition in program.functions.items()
-            if name not in acting and _acts(definition, acting)
-        }
-        grown = bool(more)
-        acting |= more
-    for function in program.functions.values():
+    functions, calls = graph.program.functions, graph.calls
+    # a function acts if one that it calls acts
+    acting = set(
+        reached(
+            (name for name, function in functions.items() if _acts(function)),
+            lambda called: [name for name in calls if called in calls[name]],
+        )
+    )
+    for function in functions.values():
         for call in _statements_that_call(function.body):
             unknown = call.function.startswith(DISPATCHER)  # what a pointer calls is not known here
             if call.function not in acting and not unknown and not isinstance(call.type, VoidType):
@@ -120,17 +118,14 @@ def _unused_results(program: tree.ProgramTree, reporter: Reporter) -> None:
                 )
 
 
-def _acts(function: tree.FunctionDefinition, acting: set[str]) -> bool:
-    """Return whether a function changes anything but its own variables, or takes time on purpose."""
+def _acts(function: tree.FunctionDefinition) -> bool:
+    """Return whether a function itself changes anything but its own variables, or takes time on purpose."""
     if function.body is None or has_assembly(function.body):
         return True
     for expr in expressions(function.body):
         match expr:
             case tree.Assign(target) | tree.Update(_, target):
                 if not isinstance(target, tree.Ref) or target.symbol.kind not in ("local", "param"):
-                    return True
-            case tree.Call(name):
-                if name in acting:
                     return True
             case tree.Builtin():
                 return True
