@@ -7,20 +7,11 @@ from dataclasses import fields
 import pytest
 
 from servogen.pic.analysis import values
-from servogen.pic.analysis.demand import (
-    APART,
-    ExecutionGroup,
-    Graph,
-    SplitPlan,
-    _bounds,
-    _holds_free,
-    _index,
-    _written,
-)
+from servogen.pic.analysis.demand import APART, ExecutionGroup, Graph, SplitPlan
 from servogen.pic.analysis.paths import PathExplorer, Paths, PinWrite, explore
 from servogen.pic.analysis.state import INTCON, LATCHES, OPTION, TMR0, TRISB, bit, bits
 from servogen.pic.isa import encode
-from servogen.pic.known_values import CARRY, FSR, ZERO, W, word_of
+from servogen.pic.known_values import CARRY, FSR, ZERO, W
 from tests.pic.analysis.programs import INTERRUPT, assembled
 from tests.pic.analysis.test_facts import nested_calls
 
@@ -312,57 +303,6 @@ def test_bytes_that_get_an_input_or_a_masked_value_are_free() -> None:
         " movf PORTB, w\n goto on\non\n movwf 0x26\n incf 0x27, f\n xorwf 0x28, f\n clrf 0x29\n goto main"
     )
     assert graph(text).free() == bits((0x20, 0x22, 0x24, 0x26, 0x28))
-
-
-@pytest.mark.parametrize(
-    ("word", "index", "written", "certain"),
-    [
-        (encode("ADDWF", f=2, d=1), bit(W), bit(0x20) | bit(CARRY), bit(0x20) | bit(CARRY)),
-        (encode("MOVF", f=0, d=0), bit(FSR), bit(W), bit(W)),
-        (encode("CLRF", f=0), bit(FSR), bit(0x20), bit(0x20)),
-        (encode("SUBWF", f=0x20, d=0), 0, bits((W, CARRY)), bits((W, CARRY))),
-        (encode("RLF", f=0x20, d=1), 0, bits((0x20, CARRY)), bits((0x20, CARRY))),
-        (encode("BTFSS", f=0x20, b=1), 0, 0, 0),
-        (encode("GOTO", k=0), 0, 0, 0),
-    ],
-)
-def test_what_an_instruction_uses_as_an_index_and_writes(
-    word: int, index: int, written: int, certain: int
-) -> None:
-    assert _index(word_of(word)) == index
-    assert _written(word_of(word), [0x20]) == (written, certain)
-
-
-def test_a_write_to_one_of_several_bytes_is_not_certain() -> None:
-    clear = word_of(encode("CLRF", f=0))
-    assert _written(clear, [0x20, 0x21]) == (bits((0x20, 0x21)), 0)
-    assert _written(clear, [0x20, None]) == (bit(0x20), bit(0x20))
-    assert _written(clear, [None]) == (0, 0)
-
-
-def test_a_mask_of_up_to_four_bits_bounds_a_value() -> None:
-    for mask, few in ((0, True), (0x0F, True), (0x55, True), (0x1F, False), (0xFF, False)):
-        assert _bounds(word_of(encode("ANDLW", k=mask))) == few
-    assert not _bounds(word_of(encode("IORLW", k=1)))
-    assert not _bounds(word_of(encode("MOVLW", k=1)))
-
-
-@pytest.mark.parametrize(
-    ("word", "places", "after_free", "after_known"),
-    [
-        (encode("MOVF", f=6, d=0), [None], True, True), (encode("MOVF", f=0x20, d=0), [0x20], False, False),
-        (encode("ADDWF", f=0x20, d=0), [0x20], True, False), (encode("ADDWF", f=6, d=0), [None], True, True),
-        (encode("MOVLW", k=3), [], False, False), (encode("ANDLW", k=3), [], True, True),
-        (encode("ANDLW", k=0x1F), [], True, False), (encode("MOVWF", f=0x20), [0x20], True, False),
-        (encode("INCF", f=6, d=1), [None], True, False), (encode("MOVWF", f=2), [None], False, False),
-        (encode("CLRW"), [], False, False),
-    ],
-)  # fmt: skip
-def test_whether_w_holds_what_is_not_followed(
-    word: int, places: list[int | None], after_free: bool, after_known: bool
-) -> None:
-    assert _holds_free(word_of(word), places, before=True) == after_free
-    assert _holds_free(word_of(word), places, before=False) == after_known
 
 
 def test_nodes_of_undefined_words_pass_on_what_is_demanded() -> None:

@@ -1,4 +1,4 @@
-"""The parts of an abstract state: what it says at reset, of pointers, ports, flags and saved registers, and
+"""One step of an abstract state: at reset, through pointers, of ports, latches, the timer and flags, and
 where two states meet.
 """
 
@@ -19,7 +19,6 @@ from servogen.pic.analysis.state import (
     TRISB,
     AbstractState,
     Effects,
-    Fact,
     at_interrupt,
     at_reset,
     bit,
@@ -31,12 +30,10 @@ from servogen.pic.analysis.state import (
 )
 from servogen.pic.analysis.values import ANY, BIT, Value
 from servogen.pic.isa import encode
-from servogen.pic.known_values import CARRY, FSR, PCL, STATUS, ZERO, W, word_of
+from servogen.pic.known_values import CARRY, FSR, ZERO, W, word_of
 from tests.campaigns import sampled
 from tests.pic.analysis.programs import assembled
 from tests.pic.analysis.test_state import new_chip
-
-PORTA, PORTB, INTCON_ADDRESS = 5, 6, 0x0B
 
 
 def state_of(known: dict[int, int | Value], written: int = 0) -> AbstractState:
@@ -77,56 +74,6 @@ def test_a_reset_sets_six_registers_and_leaves_the_rest_unknown_and_unwritten() 
         assert not state.has_written(place)
         assert state.get(place) is (BIT if place in (CARRY, DIGIT, ZERO) else ANY)
     assert (state.saved, state.facts, state.copies) == ({}, {}, ())
-
-
-def test_an_interrupt_may_come_where_gie_and_an_enable_bit_are_1_in_some_member() -> None:
-    for number in range(256):  # DS35007 register 2-3: GIE is bit 7; EEIE, T0IE, INTE and RBIE are 6 to 3
-        possible = number >= 0x80 and number // 8 % 16 > 0
-        assert state_of({INTCON: number}).interruptible == possible
-        assert state_of({INTCON: values.of({number, 0x80})}).interruptible == possible
-    assert not state_of({INTCON: values.of({0x78, 0x80})}).interruptible, "no member has both"
-    assert AbstractState({}, 0).interruptible
-
-
-def test_the_interrupt_begins_with_gie_cleared_and_every_register_as_it_was() -> None:
-    interrupted = state_of({INTCON: values.of({0xA0, 0x90}), W: 3, 0x20: 3}, bits((W, 0x20)))
-    interrupted.facts, interrupted.copies = {ZERO: (0x20, "==", 0)}, (0x20,)
-    state = at_interrupt(interrupted)
-    assert set(state.get(INTCON)) == {0x20, 0x10}
-    assert (state.get(W).constant, state.get(0x20).constant) == (3, 3)
-    preserved = (W, FSR, CARRY, DIGIT, ZERO, BANK, PCLATH)
-    assert state.saved == {place: (place, False) for place in preserved}
-    assert (state.facts, state.copies) == ({}, ())
-    assert interrupted.copies == (0x20,), "the interrupted state is not changed"
-
-
-# DS35007 figure 2-2: what is at an address of both banks.
-AT = {
-    0x01: ("special", TMR0), 0x02: ("special", PCL), 0x03: ("special", STATUS), 0x04: ("place", FSR),
-    0x05: ("port", 5), 0x06: ("port", 6), 0x0A: ("place", PCLATH), 0x0B: ("special", INTCON),
-    0x81: ("place", OPTION), 0x82: ("special", PCL), 0x83: ("special", STATUS), 0x84: ("place", FSR),
-    0x85: ("place", TRISA), 0x86: ("place", TRISB), 0x8A: ("place", PCLATH), 0x8B: ("special", INTCON),
-    **{address | bank: ("place", address) for address in range(0x0C, 0x50) for bank in (0, 0x80)},
-}  # fmt: skip
-
-
-def test_every_address_of_both_banks_is_the_byte_of_the_register_file_map() -> None:
-    for address in range(256):
-        kind, number = AT.get(address, ("place", None))
-        expected = {"place": None, "port": None, "special": None} | {kind: number}
-        ways = [operands(state_of({FSR: address}), 0)]
-        if address & 0x7F:
-            ways.append(operands(state_of({BANK: address >> 7}), address & 0x7F))
-        for found, unknown in ways:
-            assert not unknown
-            assert [{n: getattr(each, n) for n in expected} for each in found] == [expected], hex(address)
-
-
-def test_a_pointer_or_bank_of_several_values_addresses_each_of_them() -> None:
-    found, _ = operands(state_of({FSR: values.of({0x20, 0xA0, 0x21})}), 0)
-    assert sorted(each.place for each in found) == [0x20, 0x21], "0xA0 is 0x20 in bank 1"
-    found, _ = operands(state_of({BANK: BIT}), 6)
-    assert {(each.place, each.port) for each in found} == {(None, 6), (TRISB, None)}
 
 
 def test_a_pointer_with_more_than_half_of_all_addresses_is_taken_to_address_ram() -> None:
@@ -295,36 +242,6 @@ def test_the_enable_bits_of_interrupts_after_a_write(text: str, before: set[int]
     assert effects.changed == {INTCON} | ({ZERO} if "clrf" in text else set())
 
 
-CAME_FROM = [
-    (" movf 0x25, w", {}, {ZERO: (0x25, "==", 0)}, (0x25,)),
-    (" movf 0x25, f", {}, {ZERO: (0x25, "==", 0)}, (0x29, 0x2A)),
-    (" movwf 0x26", {}, {}, (0x29, 0x2A, 0x26)), (" movwf 0x29", {}, {}, (0x2A, 0x29)),
-    (" movwf FSR", {}, {}, (0x29, 0x2A)), (" movwf PCLATH", {}, {}, (0x29, 0x2A)),
-    (" movwf PORTB", {}, {}, (0x29, 0x2A)), (" clrf 0x29", {}, {}, (0x2A,)), (" movlw 5", {}, {}, ()),
-    (" andwf 0x25, w", {W: 6}, {ZERO: (0x25, "&", 6)}, ()),
-    (" andwf 0x25, w", {W: ANY}, {}, ()), (" andwf 0x25, f", {W: 6}, {}, (0x29, 0x2A)),
-    (" andlw 6", {W: ANY}, {ZERO: (0x2A, "&", 6)}, ()),
-    (" subwf 0x25, w", {W: 9}, {ZERO: (0x25, "==", 9), CARRY: (0x25, ">=", 9)}, ()),
-    (" subwf 0x25, f", {W: 9}, {}, (0x29, 0x2A)), (" subwf 0x25, w", {W: ANY}, {}, ()),
-    (" subwf PORTB, w", {W: 9}, {}, ()),
-    (" xorwf 0x25, w", {W: 9}, {ZERO: (0x25, "==", 9)}, ()),
-    (" sublw 9", {}, {ZERO: (0x2A, "==", 9), CARRY: (0x2A, "<=", 9)}, ()),
-    (" xorlw 9", {}, {ZERO: (0x2A, "==", 9)}, ()),
-    (" addlw 247", {}, {ZERO: (0x2A, "==", 9), CARRY: (0x2A, ">=", 9)}, ()),
-    (" addlw 0", {}, {}, ()), (" iorlw 9", {}, {}, ()), (" incf 0x25, w", {}, {}, ()),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("text", "known", "facts", "copies"), CAME_FROM)
-def test_what_a_flag_and_w_tell_of_a_byte(
-    text: str, known: dict[int, int | Value], facts: dict[int, Fact], copies: tuple[int, ...]
-) -> None:
-    before = state_of({0x29: ANY} | known)
-    before.copies = (0x29, 0x2A)
-    after, _ = step(text, before)
-    assert (after.facts, after.copies) == (facts, copies)
-
-
 COMPARED = [
     *(f" movlw {k}\n {op} 0x25, w" for op in ("subwf", "xorwf", "andwf") for k in (0, 1, 7, 30, 63)),
     *(f" movf 0x25, w\n {op} {k}" for op in ("sublw", "xorlw", "andlw") for k in (0, 1, 7, 30, 62)),
@@ -358,45 +275,6 @@ def test_a_test_of_the_flag_leaves_the_members_for_which_the_chip_goes_there(tex
             equal |= {W} if text.endswith(("w", "0x27")) and text.startswith(" movf") else set()
             for place in equal:
                 assert set(way.get(place)) == ends[to]
-
-
-SAVING = " movwf 0x40\n swapf STATUS, w\n movwf 0x41\n"
-RESTORING = " swapf 0x41, w\n movwf STATUS\n swapf 0x40, f\n swapf 0x40, w"
-
-
-@pytest.mark.parametrize(
-    ("text", "restored"),
-    [
-        ("", {W, FSR, CARRY, DIGIT, ZERO, BANK, PCLATH}),
-        (" nop", {W, FSR, CARRY, DIGIT, ZERO, BANK, PCLATH}),
-        (" movlw 0", {FSR, CARRY, DIGIT, ZERO, BANK, PCLATH}),
-        (" incf 0x30, f", {W, FSR, CARRY, DIGIT, BANK, PCLATH}),
-        (" addwf 0x30, f", {W, FSR, BANK, PCLATH}),
-        (" bsf STATUS, 5", {W, FSR, CARRY, DIGIT, ZERO, PCLATH}),
-        (" clrf FSR\n", {W, CARRY, DIGIT, BANK, PCLATH}),
-        (" clrf PCLATH", {W, FSR, CARRY, DIGIT, BANK}),
-        (SAVING, {FSR, CARRY, DIGIT, ZERO, BANK, PCLATH}),
-        (SAVING + " swapf 0x41, w\n movwf STATUS", {FSR, CARRY, DIGIT, ZERO, BANK, PCLATH}),
-        (
-            f"{SAVING} addlw 1\n bcf STATUS, 5\n{RESTORING}",
-            {W, FSR, CARRY, DIGIT, ZERO, BANK, PCLATH},
-        ),
-        # 0x40 is swapped once only; 0x41 holds STATUS unswapped; a flag changed before STATUS was saved
-        (SAVING + " movlw 0\n swapf 0x41, w\n movwf STATUS\n swapf 0x40, w",
-         {FSR, CARRY, DIGIT, ZERO, BANK, PCLATH}),
-        (SAVING + " addlw 1\n movf 0x41, w\n movwf STATUS", {FSR, PCLATH}),
-        (" movwf 0x40\n addlw 1\n" + SAVING[12:] + " swapf 0x41, w\n movwf STATUS", {FSR, PCLATH}),
-        # 0x40 is overwritten
-        (SAVING + " clrf 0x40\n swapf 0x40, f\n swapf 0x40, w", {FSR, CARRY, DIGIT, BANK, PCLATH}),
-        (" movf FSR, w\n movwf 0x42\n clrf FSR\n movf 0x42, w\n movwf FSR",
-         {FSR, CARRY, DIGIT, BANK, PCLATH}),
-    ],
-)  # fmt: skip
-def test_the_registers_that_hold_what_they_held_at_the_interrupt(text: str, restored: set[int]) -> None:
-    begun = at_interrupt(state_of({INTCON: 0xA0, W: ANY}))
-    state = run(text, begun)
-    own = {place for place, (source, swapped) in state.saved.items() if place == source and not swapped}
-    assert own == restored
 
 
 def test_saving_a_register_uses_nothing_of_it() -> None:
@@ -469,42 +347,6 @@ def test_a_value_that_grows_beyond_the_limit_becomes_any() -> None:
     assert 0x20 not in whole.values, "every value: one representation of it"
 
 
-def test_a_write_on_some_paths_adds_a_value_and_writes_nothing_for_certain() -> None:
-    state = state_of({0x20: 5, 0x21: 5}, bits((0x21,)))
-    state.copies, state.saved = (0x20, 0x21), {0x20: (W, False)}
-    state.facts = {CARRY: (0x20, ">=", 3), ZERO: (0x21, "==", 0)}
-    state.may_put(0x20, values.constant(6))
-    state.may_put(0x21, values.constant(5))
-    assert (set(state.get(0x20)), set(state.get(0x21))) == ({5, 6}, {5})
-    assert state.written == bits((0x21,))
-    assert (state.copies, state.saved, state.facts) == ((), {}, {})
-
-
-def test_a_write_forgets_what_flags_and_copies_told_of_the_place() -> None:
-    state = state_of({0x20: 5})
-    state.copies, state.saved = (0x20, 0x21), {0x20: (W, False), 0x21: (W, False)}
-    state.facts = {CARRY: (0x20, ">=", 3), ZERO: (0x21, "==", 0)}
-    state.put(0x20, ANY)
-    assert (0x20 in state.values, state.has_written(0x20)) == (False, True)
-    assert (state.copies, state.saved, state.facts) == ((0x21,), {0x21: (W, False)}, {ZERO: (0x21, "==", 0)})
-    state.put(ZERO, values.constant(1))
-    assert state.facts == {}
-    state.put(W, values.constant(1))
-    assert state.copies == ()
-
-
-def test_a_split_gives_one_state_for_each_value_and_the_same_to_what_is_equal() -> None:
-    state = state_of({0x20: values.of({1, 2, 3}), W: values.of({2, 3, 9}), 0x21: 7})
-    assert [part.get(0x20).constant for part in state.split(0x20)] == [1, 2, 3]
-    assert all(part.get(W) is state.get(W) for part in state.split(0x20))
-    state.copies = (0x20,)
-    assert state.equal_to(0x20) == (W, 0x20)
-    assert state.equal_to(0x21) == (0x21,)
-    parts = state.split(0x20)
-    assert [(part.get(0x20).constant, part.get(W).constant) for part in parts] == [(2, 2), (3, 3)]
-    assert state.get(0x20).size == 3
-
-
 def test_up_to_1024_combinations_are_computed_and_more_are_not() -> None:
     word = word_of(encode("ADDWF", f=0x20, d=1))
     one, other = values.of(range(32)), values.of(range(0, 64, 2))
@@ -525,19 +367,6 @@ def test_the_result_of_decfsz_at_a_register_that_keeps_five_bits_is_not_known_fr
     state, _ = execute(before, word, 0)
     assert state.get(PCLATH).constant == 0x1F
     assert [words_on for words_on, _ in skip_ways(state, before, word, 0)] == [1, 2]
-
-
-def test_a_tested_bit_of_a_byte_that_is_known_by_bits() -> None:
-    free = values.of_bits(0xFF, 0x7F)  # bit 7 is 0
-    before = state_of({0x20: free})
-    for name, levels in (("BTFSS", {1: 0, 2: 1}), ("BTFSC", {2: 0, 1: 1})):
-        for number in (0, 3, 7):
-            word = word_of(encode(name, f=0x20, b=number))
-            state, _ = execute(before, word, 0)
-            ways = dict(skip_ways(state, before, word, 0))
-            for words_on, level in levels.items():
-                expected = {byte for byte in range(128) if byte >> number & 1 == level}
-                assert (set(ways[words_on].get(0x20)) if words_on in ways else set()) == expected
 
 
 def test_a_tested_flag_of_an_interrupt_is_not_followed_but_its_enable_bit_is() -> None:
