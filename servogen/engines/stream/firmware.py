@@ -11,10 +11,9 @@ from servogen.compiler import Options
 from servogen.engines.firmware import Firmware, TimingBudget
 from servogen.engines.fitting import compiled_to_fit
 from servogen.engines.protocol import EngineJob
-from servogen.engines.stream.protocol import BITS, BYTES
+from servogen.engines.stream.protocol import BYTES
 from servogen.engines.stream.rendering import OVERRUN, render_stream
 from servogen.engines.stream.response import response
-from servogen.engines.stream.settings import UNIT
 from servogen.engines.stream.streaming import Streaming
 from servogen.pic.listing import Listing
 from servogen.units import Cycles
@@ -34,8 +33,7 @@ def timing_budgets(listing: Listing, streamed: Streaming) -> tuple[TimingBudget,
     """Return the time that the C takes to prepare a pulse, and the time that interrupts leave it, on any
     line.
     """
-    byte = (streamed.first_units + (BITS - 1) * streamed.bit_units) * UNIT
-    bound = response(listing, streamed.layout.rounds, streamed.farthest, BYTES * byte)
+    bound = response(listing, streamed.layout.rounds, streamed.farthest, BYTES * streamed.byte_cycles)
     supply = bound.supply or Cycles(0)
     return (
         TimingBudget("a request and its slot", bound.prepare, supply),

@@ -12,8 +12,8 @@ from fractions import Fraction
 
 from servogen.engines.inputs.serial import OFF, Stream
 from servogen.engines.stream.layout import RoundLayout, is_coarse, layout
-from servogen.engines.stream.protocol import MAX_VALUE, WidthRange, travel
-from servogen.engines.stream.settings import bit_units, first_units
+from servogen.engines.stream.protocol import BITS, MAX_VALUE, WidthRange, travel
+from servogen.engines.stream.settings import UNIT, bit_units, first_units
 from servogen.errors import Diagnostic, InputError, Location
 from servogen.pulse.lint import check_calibration, check_period
 from servogen.pulse.plan import PulsePlan
@@ -54,6 +54,11 @@ class Streaming:
             return self.neutral
         pairs = zip(self.travels, self.neutral, strict=True)
         return tuple(1 + travel.nearest(width) for travel, width in pairs)
+
+    @property
+    def byte_cycles(self) -> int:
+        """Return the cycles from a start bit's time stamp to its byte's stop bit."""
+        return (self.first_units + (BITS - 1) * self.bit_units) * UNIT
 
     @property
     def farthest(self) -> int:

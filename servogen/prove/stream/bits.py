@@ -7,7 +7,8 @@ these operations run on plain numbers, too, without the solver.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import operator
+from collections.abc import Callable, Iterable
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
@@ -57,29 +58,25 @@ def _term(kind: str, *operands: Any, indices: tuple[int, ...] = ()) -> Any:
 class Truth:
     """A statement: true, false, or a term."""
 
-    __slots__ = ("_solver_term", "known")
+    __slots__ = ("_node", "known")
 
     def __init__(self, known: bool | None, term: Any = None) -> None:
         self.known = known
-        self._solver_term = term
+        self._node = term
 
     @property
     def term(self) -> Any:
         """Return the solver's term, made when it is first needed."""
-        if self._solver_term is None:
-            self._solver_term = _manager().mk_true() if self.known else _manager().mk_false()
-        return self._solver_term
+        if self._node is None:
+            self._node = _manager().mk_true() if self.known else _manager().mk_false()
+        return self._node
 
     def __and__(self, other: Truth) -> Truth:
         if self.known is not None:
             return other if self.known else self
         if other.known is not None:
             return self if other.known else other
-        return (
-            self
-            if self._solver_term is other._solver_term
-            else Truth(None, _term("AND", self.term, other.term))
-        )
+        return self if self._node is other._node else Truth(None, _term("AND", self.term, other.term))
 
     def __or__(self, other: Truth) -> Truth:
         return ~(~self & ~other)
@@ -87,7 +84,7 @@ class Truth:
     def __invert__(self) -> Truth:
         if self.known is not None:
             return Truth(not self.known)
-        return Truth(None, _term("NOT", self._solver_term))
+        return Truth(None, _term("NOT", self._node))
 
 
 TRUE, FALSE = Truth(True), Truth(False)
@@ -96,7 +93,7 @@ TRUE, FALSE = Truth(True), Truth(False)
 class Bits:
     """`width` bits: a number, or a term."""
 
-    __slots__ = ("_parts", "_solver_term", "value", "width")
+    __slots__ = ("_node", "_parts", "value", "width")
 
     def __init__(
         self, width: int, value: int | None, term: Any = None, parts: tuple[Bits, Bits] | None = None
@@ -105,17 +102,21 @@ class Bits:
         self._parts = parts
         """The higher and the lower bits that it was put together from."""
         self.value = None if value is None else value & ((1 << width) - 1)
-        self._solver_term = term
+        self._node = term
 
     @property
     def term(self) -> Any:
         """Return the solver's term, made when it is first needed."""
-        if self._solver_term is None:
+        if self._node is None:
             assert self.value is not None
-            self._solver_term = _number(self.width, self.value)
-        return self._solver_term
+            self._node = _number(self.width, self.value)
+        return self._node
 
-    def _binary_term(self, other: Bits | int, kind: str) -> Bits:
+    def _binary(self, other: Bits | int, kind: str, compute: Callable[[int, int], int]) -> Bits:
+        """Return the result of an operation: a number if both are numbers, else a term."""
+        number = self._operand_value(other)
+        if self.value is not None and number is not None:
+            return Bits(self.width, compute(self.value, number))
         return Bits(self.width, None, _term(kind, self.term, self._as_bits(other).term))
 
     def _as_bits(self, other: Bits | int) -> Bits:
@@ -126,8 +127,6 @@ class Bits:
 
     def __add__(self, other: Bits | int) -> Bits:
         number = self._operand_value(other)
-        if self.value is not None and number is not None:
-            return Bits(self.width, self.value + number)
         if number == 0:
             return self
         if self._parts is not None and number is not None and number > 0:
@@ -136,49 +135,32 @@ class Bits:
             # known.
             if lower.value is not None and lower.value + number < 1 << lower.width:
                 return upper.concat(lower + number)
-        return self._binary_term(other, "BV_ADD")
+        return self._binary(other, "BV_ADD", operator.add)
 
     def __sub__(self, other: Bits | int) -> Bits:
-        number = self._operand_value(other)
-        if self.value is not None and number is not None:
-            return Bits(self.width, self.value - number)
-        return self if number == 0 else self._binary_term(other, "BV_SUB")
+        return self if self._operand_value(other) == 0 else self._binary(other, "BV_SUB", operator.sub)
 
     def __mul__(self, other: Bits | int) -> Bits:
-        number = self._operand_value(other)
-        if self.value is not None and number is not None:
-            return Bits(self.width, self.value * number)
-        return self._binary_term(other, "BV_MUL")
+        return self._binary(other, "BV_MUL", operator.mul)
 
     def __floordiv__(self, other: Bits | int) -> Bits:
         """Return the quotient, rounded down; all ones if the divisor is 0."""
-        number = self._operand_value(other)
-        if self.value is not None and number is not None:
-            return Bits(self.width, self.value // number if number else -1)
-        return self._binary_term(other, "BV_UDIV")
+        return self._binary(other, "BV_UDIV", lambda dividend, by: dividend // by if by else -1)
 
     def __and__(self, other: Bits | int) -> Bits:
         number = self._operand_value(other)
-        if self.value is not None and number is not None:
-            return Bits(self.width, self.value & number)
         if number == 0 or self.value == 0:
             return Bits(self.width, 0)
         if number is not None and self._parts is not None:
             upper, lower = self._parts
             return (upper & (number >> lower.width)).concat(lower & (number & (1 << lower.width) - 1))
-        return self if number == (1 << self.width) - 1 else self._binary_term(other, "BV_AND")
+        return self if number == (1 << self.width) - 1 else self._binary(other, "BV_AND", operator.and_)
 
     def __or__(self, other: Bits | int) -> Bits:
-        number = self._operand_value(other)
-        if self.value is not None and number is not None:
-            return Bits(self.width, self.value | number)
-        return self if number == 0 else self._binary_term(other, "BV_OR")
+        return self if self._operand_value(other) == 0 else self._binary(other, "BV_OR", operator.or_)
 
     def __xor__(self, other: Bits | int) -> Bits:
-        number = self._operand_value(other)
-        if self.value is not None and number is not None:
-            return Bits(self.width, self.value ^ number)
-        return self if number == 0 else self._binary_term(other, "BV_XOR")
+        return self if self._operand_value(other) == 0 else self._binary(other, "BV_XOR", operator.xor)
 
     def __invert__(self) -> Bits:
         return self ^ ((1 << self.width) - 1)
@@ -200,7 +182,7 @@ class Bits:
             if low >= lower.width:
                 return upper[low - lower.width : high - lower.width]
             return upper[: high - lower.width].concat(lower[low:])
-        return Bits(high - low, None, _term("BV_EXTRACT", self._solver_term, indices=(high - 1, low)))
+        return Bits(high - low, None, _term("BV_EXTRACT", self._node, indices=(high - 1, low)))
 
     def bit(self, number: int) -> Truth:
         """Return whether a bit is 1."""
@@ -229,14 +211,14 @@ class Bits:
         """Return the number in two's complement with more bits."""
         if self.value is not None:
             return Bits(width, self.value - (self.value >> self.width - 1 << self.width))
-        return Bits(width, None, _term("BV_SIGN_EXTEND", self._solver_term, indices=(width - self.width,)))
+        return Bits(width, None, _term("BV_SIGN_EXTEND", self._node, indices=(width - self.width,)))
 
     def equals(self, other: Bits | int) -> Truth:
         """Return whether both are the same number."""
         number = self._operand_value(other)
         if self.value is not None and number is not None:
             return Truth(self.value == number & ((1 << self.width) - 1))
-        if isinstance(other, Bits) and other._solver_term is self._solver_term:
+        if isinstance(other, Bits) and other._node is self._node:
             return TRUE
         return Truth(None, _term("EQUAL", self.term, self._as_bits(other).term))
 
@@ -264,7 +246,7 @@ def choose(condition: Truth, yes: Bits, no: Bits) -> Bits:
         return yes if condition.known else no
     if yes is no or (yes.value is not None and yes.value == no.value):
         return yes
-    if yes.value is None and yes._solver_term is no._solver_term:
+    if yes.value is None and yes._node is no._node:
         return yes
     return Bits(yes.width, None, _term("ITE", condition.term, yes.term, no.term))
 

@@ -94,7 +94,7 @@ class Sender:
     """The cycle, from reset on."""
     levels: list[tuple[int, int]] = field(default_factory=lambda: [(0, HIGH)])
     sent: list[Sent] = field(default_factory=list)
-    _begun: list[int] = field(default_factory=list)
+    _partial: list[int] = field(default_factory=list)
     """The bytes of the command that is being sent."""
 
     @property
@@ -127,21 +127,21 @@ class Sender:
                 before = level
         self.now = start + BITS * bit
         if not stop:
-            self._begun = []
+            self._partial = []
             self.level(HIGH)
             self.wait(BITS * bit)
             return
-        if value == SYNC or not self._begun:
-            self._begun = [value] if value == SYNC else []
+        if value == SYNC or not self._partial:
+            self._partial = [value] if value == SYNC else []
             return
-        self._begun.append(value)
-        if len(self._begun) == 3:
-            _, second, third = self._begun
-            self._begun = []
+        self._partial.append(value)
+        if len(self._partial) == 3:
+            _, second, third = self._partial
+            self._partial = []
             self.sent.append(Sent(int(start + (BITS - 1) * bit), int(self.now) + 1, second, third))
-            self._keep_quiet(second)
+            self._pause_after(second)
 
-    def _keep_quiet(self, second: int) -> None:
+    def _pause_after(self, second: int) -> None:
         per_second = self.streamed.plan.schedule.clock.cycles_per_second
         for kind, pause in PAUSES_S.items():
             if 0 <= second - kind.value < FINE_SERVOS:
@@ -166,7 +166,7 @@ class Sender:
             self.wait(self.dice.randint(10, 600))
         self.level(HIGH)
         self.wait(2 * BITS * self.bit)
-        self._begun = []
+        self._partial = []
         self.send(VOID)
 
     def glitch(self) -> None:
@@ -181,58 +181,58 @@ class Sender:
 # sending
 
 
-def _talk(sender: Sender, suspect: Suspect) -> None:
+def _send_at_random(sender: Sender, suspect: Suspect) -> None:
     """Send one thing at random, perhaps what is suspected."""
     dice, n = sender.dice, sender.dice.randrange(sender.servos)
     kinds: tuple[tuple[float, Callable[[], None]], ...] = (
-        (30, lambda: sender.send(position_command(n, _third(dice)))),
+        (30, lambda: sender.send(position_command(n, _third_byte(dice)))),
         (5, lambda: sender.send(speed_command(n, dice.choice((0, 0, 1, 5, 20, 100, 254))))),
-        (4, lambda: _group(sender)),
-        (2, lambda: sender.send(bytes((SYNC, CommandKind.TRIM.value + n, _third(dice))))),
+        (4, lambda: _send_group(sender)),
+        (2, lambda: sender.send(bytes((SYNC, CommandKind.TRIM.value + n, _third_byte(dice))))),
         (2, lambda: sender.send(bytes((SYNC, CommandKind.QUERY.value, dice.randrange(16))))),
-        (3, lambda: sender.send(bytes((SYNC, dice.randrange(SYNC), _third(dice))))),
+        (3, lambda: sender.send(bytes((SYNC, dice.randrange(SYNC), _third_byte(dice))))),
         (3, lambda: sender.send(bytes(dice.choice((SYNC, n, dice.randrange(256))) for _ in range(5)))),
-        (2, lambda: sender.send(position_command(n, _third(dice))[: dice.randint(1, 2)])),
-        (2, lambda: _broken(sender)),
+        (2, lambda: sender.send(position_command(n, _third_byte(dice))[: dice.randint(1, 2)])),
+        (2, lambda: _send_broken_command(sender)),
         (2, sender.glitch),
         (1, lambda: sender.noise(dice.random() * 15)),
         (6, lambda: sender.frames(dice.random() * 4)),
         (0.4, lambda: sender.frames(sender.streamed.silence_frames + sender.streamed.soft_frames + 3)),
-        (12 if suspect.second is not None else 0, lambda: _suspected(sender, suspect)),
+        (12 if suspect.second is not None else 0, lambda: _send_suspect(sender, suspect)),
     )
     dice.choices([send for _, send in kinds], [weight for weight, _ in kinds])[0]()
 
 
-def _third(dice: random.Random) -> int:
+def _third_byte(dice: random.Random) -> int:
     return dice.choice((0, 1, 127, MAX_VALUE, *(dice.randint(0, MAX_VALUE) for _ in range(6))))
 
 
-def _group(sender: Sender) -> None:
+def _send_group(sender: Sender) -> None:
     dice = sender.dice
     sender.send(group_begins())
     for _ in range(dice.randint(0, sender.servos)):
-        sender.send(position_command(dice.randrange(sender.servos), _third(dice)))
+        sender.send(position_command(dice.randrange(sender.servos), _third_byte(dice)))
     sender.send(group_goes(dice.choice((1, 2, 3, 7, 30, MAX_VALUE))))
     sender.frames(dice.random() * 8)
 
 
-def _broken(sender: Sender) -> None:
-    data = position_command(sender.dice.randrange(sender.servos), _third(sender.dice))
+def _send_broken_command(sender: Sender) -> None:
+    data = position_command(sender.dice.randrange(sender.servos), _third_byte(sender.dice))
     broken = sender.dice.randrange(len(data))
     sender.send(data[:broken])
     sender.byte(data[broken] & 0x7F, stop=False)
 
 
-def _suspected(sender: Sender, suspect: Suspect) -> None:
+def _send_suspect(sender: Sender, suspect: Suspect) -> None:
     """Send the command that is suspected, after anything, and show what it did."""
     if suspect.second is None:
         return
     third = suspect.third if suspect.third is not None and sender.dice.random() < 0.5 else None
     sender.wait(sender.dice.randrange(sender.streamed.layout.period))
-    sender.send(bytes((SYNC, suspect.second, _third(sender.dice) if third is None else third)))
+    sender.send(bytes((SYNC, suspect.second, _third_byte(sender.dice) if third is None else third)))
 
 
-def _approach(sender: Sender, chip: StreamChip) -> None:
+def _approach_state(sender: Sender, chip: StreamChip) -> None:
     """Bring a chip near some variables: its trims are in its EEPROM already."""
     servos = range(sender.servos)
     goals = {}
@@ -269,13 +269,13 @@ def _approach(sender: Sender, chip: StreamChip) -> None:
         sender.frames(silence)
 
 
-def _show(sender: Sender) -> None:
+def _move_all(sender: Sender) -> None:
     """Move all servos, at once and as a group: what is wrong in the variables then shows."""
     sender.frames(4 * sender.dice.random())
     for n in range(sender.servos):
-        sender.send(position_command(n, _third(sender.dice)))
+        sender.send(position_command(n, _third_byte(sender.dice)))
     sender.frames(2)
-    _group(sender)
+    _send_group(sender)
     sender.frames(3)
 
 
@@ -302,13 +302,13 @@ class CounterexampleSearch:
 
     def first(self) -> Counterexample | None:
         """Return what some random lines show: most faults are shown by any."""
-        return self._tried(range(FIRST_LINES), NOBODY)
+        return self._try_lines(range(FIRST_LINES), NOBODY)
 
     def about(self, suspect: Suspect) -> Counterexample | None:
         """Return what lines show that come near the suspect."""
-        return self._tried(range(FIRST_LINES, FIRST_LINES + SUSPECTED_LINES + MORE_LINES), suspect)
+        return self._try_lines(range(FIRST_LINES, FIRST_LINES + SUSPECTED_LINES + MORE_LINES), suspect)
 
-    def _tried(self, seeds: range, suspect: Suspect) -> Counterexample | None:
+    def _try_lines(self, seeds: range, suspect: Suspect) -> Counterexample | None:
         for seed in seeds:
             self.tell(f"lines tried: {seed - seeds.start} of {len(seeds)}")
             near = suspect if seed < FIRST_LINES + SUSPECTED_LINES else NOBODY
@@ -330,14 +330,14 @@ class CounterexampleSearch:
         sender = Sender(streamed, dice)
         sender.frames(3 + dice.random())
         if suspect.chip is not None:
-            _approach(sender, suspect.chip)
+            _approach_state(sender, suspect.chip)
         if suspect is not NOBODY:
-            _suspected(sender, suspect)
-            _show(sender)
+            _send_suspect(sender, suspect)
+            _move_all(sender)
         end = sender.now + LINE_S * streamed.plan.schedule.clock.cycles_per_second
         while sender.now < end:
-            _talk(sender, suspect)
-        _show(sender)
+            _send_at_random(sender, suspect)
+        _move_all(sender)
         return _Trial(board, eeprom, sender)
 
     def _run(self, trial: _Trial) -> Counterexample | None:
@@ -394,17 +394,17 @@ def wrong_pulse(
     first = StreamChip.after_reset(streamed, [byte(trim) for trim in trims])
     first.begin_frame()
     first.prepare(0)
-    possible = {_Possible(first, 0, _width(first, 0))}
+    possible = {_Possible(first, 0, _slot_width(first, 0))}
     for number in range((end - begin) // slot):
         rise = begin + number * slot
         pulse = []
         while place < len(seen) and seen[place][0] < rise + slot:
             pulse.append(seen[place])
             place += 1
-        due = [(chip, _due(streamed, number, rise, chip.width)) for chip in possible]
+        due = [(chip, _due_edges(streamed, number, rise, chip.width)) for chip in possible]
         going = [chip for chip, right in due if right == pulse]
         if not going:
-            return _described(
+            return _describe_difference(
                 streamed, number % streamed.layout.slots, rise, pulse, [right for _, right in due]
             )
         possible = {after for chip in going for after in chip.following(number + 1, rise, slot, sent)}
@@ -445,7 +445,7 @@ class _Possible:
             chip.begin_frame()
         if number % chip.streamed.layout.slots < chip.servos:
             chip.prepare(number % chip.streamed.layout.slots)
-        width = _width(chip, number)
+        width = _slot_width(chip, number)
         # A command is executed after the first request that follows its stop bit. Where the stop bit may end
         # on either side of the request, both outcomes remain possible.
         while executed < len(sent) and sent[executed].begins <= rise + slot:
@@ -456,13 +456,13 @@ class _Possible:
         yield _Possible(chip, executed, width)
 
 
-def _width(chip: StreamChip, number: int) -> int:
+def _slot_width(chip: StreamChip, number: int) -> int:
     """Return the width of a slot's pulse; 0 for none."""
     n = number % chip.streamed.layout.slots
     return (chip.pulse(n).value or 0) if n < chip.servos and chip.widths[n].value else 0
 
 
-def _due(streamed: Streaming, number: int, rise: int, width: int) -> list[Edge]:
+def _due_edges(streamed: Streaming, number: int, rise: int, width: int) -> list[Edge]:
     """Return the edges of a slot."""
     if not width:
         return []
@@ -479,7 +479,7 @@ def _first_rise(edges: Sequence[Edge]) -> int | None:
     return None
 
 
-def _described(
+def _describe_difference(
     streamed: Streaming, slot: int, rise: int, pulse: list[Edge], due: Sequence[list[Edge]]
 ) -> WrongPulse:
     """Return in words what is wrong with the edges of a slot, of which none of `due` is right."""
@@ -494,10 +494,11 @@ def _described(
             longest, cycle = right, first
     names = [channel.name for channel in streamed.plan.schedule.channels]
     whose = f"{names[slot]}'s pulse" if slot < len(names) else "a slot without a servo"
-    return WrongPulse(f"{whose} at cycle {rise} is {_text(pulse, rise)}, not {_text(longest, rise)}", cycle)
+    text, wanted = _edges_text(pulse, rise), _edges_text(longest, rise)
+    return WrongPulse(f"{whose} at cycle {rise} is {text}, not {wanted}", cycle)
 
 
-def _text(edges: Sequence[Edge], rise: int) -> str:
+def _edges_text(edges: Sequence[Edge], rise: int) -> str:
     """Return the edges of a slot in words."""
     if not edges:
         return "absent"

@@ -169,7 +169,7 @@ class Execution:
             states[key] = state
             number = next(self._number)
             numbers[number] = key
-            # The deepest subroutine first, then the lowest address: the ways through a branch are merged
+            # The deepest subroutine first, then the lowest address: the paths through a branch are merged
             # before the code after it is executed.
             heapq.heappush(waiting, (-len(state.stack), state.pc, number))
 
@@ -191,35 +191,22 @@ class Execution:
         page = self.byte(state, PCLATH).value
         # Only states that agree in what steers the execution are merged: a pointer that became a term would
         # have to be split into its values again at every access.
-        return (
-            state.pc,
-            state.stack,
-            state.bank,
-            pointer,
-            page,
-            state.accesses,
-            state.unlocked,
-            state.writes_eeprom,
-        )
+        eeprom = state.unlocked, state.writes_eeprom
+        return state.pc, state.stack, state.bank, pointer, page, state.accesses, eeprom
 
     def _merge(self, first: SymbolicState, second: SymbolicState) -> SymbolicState:
         where = first.path
         places = {*first.bytes, *second.bytes}
         merged = {p: choose(where, self.byte(first, p), self.byte(second, p)) for p in places}
-        return SymbolicState(
-            first.pc,
-            first.stack,
-            first.bank,
-            choose(where, first.w, second.w),
-            choose_truth(where, first.carry, second.carry),
-            choose_truth(where, first.digit_carry, second.digit_carry),
-            choose_truth(where, first.zero, second.zero),
-            merged,
-            first.path | second.path,
-            first.accesses,
-            first.unlocked,
-            first.writes_eeprom,
-            max(first.visits, second.visits),
+        return replace(
+            first,
+            w=choose(where, first.w, second.w),
+            carry=choose_truth(where, first.carry, second.carry),
+            digit_carry=choose_truth(where, first.digit_carry, second.digit_carry),
+            zero=choose_truth(where, first.zero, second.zero),
+            bytes=merged,
+            path=first.path | second.path,
+            visits=max(first.visits, second.visits),
         )
 
     def _possible(self, state: SymbolicState, condition: Truth) -> bool:

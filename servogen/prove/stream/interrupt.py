@@ -191,22 +191,23 @@ class _Run:
 
     def following(self, state: _State) -> list[_State]:
         """Follow the only path from a state to where it forks, or can meet another."""
+        at, last, bit_stamp = state
         while True:
-            at = state.at
             if at.cycle > MAX_CYCLES or len(self.visited) > MAX_STATES:
                 raise InterruptChanged(f"the interrupt does not end within {MAX_CYCLES} cycles")
             word = self._word(at.address)
             if word.name == "RETFIE":
-                self.ends[self._ending(state)] = None
+                self.ends[self._ending(_State(at, last, bit_stamp))] = None
                 return []
             self._check_word(word, at)
             if word.flow == "call" and word.k in self.interrupt.looks:
-                successors = list(self._after_look(self.interrupt.looks[word.k], state))
+                looks = self.interrupt.looks[word.k]
+                states = list(self._after_look(looks, _State(at, last, bit_stamp)))
             else:
-                successors = [state._replace(at=successor) for successor in self._after_word(word, at)]
-            if len(successors) != 1 or word.flow == "jump":
-                return [self._forget_old_bit(successor) for successor in successors]
-            (state,) = successors
+                states = [_State(successor, last, bit_stamp) for successor in self._after_word(word, at)]
+            if len(states) != 1 or word.flow == "jump":
+                return [self._forget_old_bit(state) for state in states]
+            ((at, last, bit_stamp),) = states
 
     def _word(self, address: int) -> DecodedWord:
         try:
@@ -296,7 +297,7 @@ class _Run:
         code = self.interrupt.code
         # What W holds then is another number for each of the counts.
         forgets_w = (word.name == "DECF" and self._reads_representative(word, at)) or (
-            self.rest == REPRESENTATIVE and self._ends_move_to_ticks(at.address)
+            word.name == "MOVWF" and self.rest == REPRESENTATIVE and self._ends_move_to_ticks(at.address)
         )
         if at.address == code.edge:
             at = at._replace(timer=at.timer._replace(phase=AFTER_EDGE))

@@ -1,7 +1,17 @@
 """The proof of a stream program for any waveform on its line: the lemmas, put together.
 
+*For every* waveform on the receive pin, every content of the EEPROM and every value of the variables at a
+reset, *assuming* of who sends what `sender_assumptions` says, a proven program
+
+- makes every pulse in the cycle of its slot, exactly as wide as the C prepared it, which is always in time
+  (`rounds`: the interrupt; `response`: the C's time);
+- prepares the width that the specification `chip` says, and changes a goal only by a complete command or the
+  fail-safe (`lemmas`; `sharing`: no interrupt comes between);
+- samples every bit of a byte while it lasts, for every sender within the error of its rate (`samples`);
+- executes a command before the next one can end, in two slots and a round (`LineTheorem.times`).
+
 In: an image, its job's numbers, the listing if one is known. Out: `LineProof`: proven, with what was found
-and what is assumed, or why it is not decided. docs/proof.md states the theorem.
+and what is assumed, or why it is not decided. docs/proof.md has the theorem in the words of its users.
 """
 
 from __future__ import annotations
@@ -36,7 +46,7 @@ from servogen.prove.stream.samples import SampleTimes
 from servogen.prove.stream.sharing import Fails, MainAccesses, check_sharing, check_stack
 from servogen.units import Cycles
 
-MAX_UNLIKE = 24
+MAX_DIFFERENCES = 24
 """Words in which a program may differ from servogen's own one, whose names it then borrows."""
 AFTER_TRIM_MS, AFTER_QUERY_MS = 25, 20
 """The times for which a sender leaves the line idle after these commands (docs/firmware.md, "Protocol")."""
@@ -88,7 +98,7 @@ def by_lemmas(
             raise UndecidedPart(
                 "the watchdog is on: whether it is cleared while the line is busy is not examined"
             )
-        names = Names(_listing(image, listing, job, streamed, tell), streamed)
+        names = Names(_named_words(image, listing, job, streamed, tell), streamed)
         lemmas = Lemmas(names, Solver(), lambda task, count, of: tell(f"{task}: {count} of {of}"))
         findings = LineTheorem(names.listing, job, streamed, lemmas, tell).prove()
         return LineProof("", tuple(findings), sender_assumptions(streamed)), NOBODY
@@ -115,7 +125,7 @@ def sender_assumptions(streamed: Streaming) -> tuple[str, ...]:
     return tuple(assumptions)
 
 
-def _listing(
+def _named_words(
     image: Image, listing: Listing | None, job: EngineJob, streamed: Streaming, tell: Tell
 ) -> Listing:
     """Return a listing with the words of the image. Raises UndecidedPart.
@@ -126,9 +136,11 @@ def _listing(
     for dialect in DIALECTS if listing is None else ():
         tell(f"looking for its names: {dialect}")
         candidates.append(compiled(job, streamed, dialect).compilation.listing)
-    unlike = [(_unlike(image, candidate), number) for number, candidate in enumerate(candidates)]
-    fewest, number = min(unlike)
-    if fewest > MAX_UNLIKE:
+    differences = [
+        (_count_differences(image, candidate), number) for number, candidate in enumerate(candidates)
+    ]
+    fewest, number = min(differences)
+    if fewest > MAX_DIFFERENCES:
         raise UndecidedPart(
             "the names of its variables are not known: the program is not one of servogen's for this job; "
             "give its C file instead"
@@ -138,7 +150,7 @@ def _listing(
     return replace(chosen, rows=rows)
 
 
-def _unlike(image: Image, listing: Listing) -> int:
+def _count_differences(image: Image, listing: Listing) -> int:
     """Return in how many words an image differs from a listing."""
     listed = {row.address: row.word for row in listing.rows}
     if listed.keys() - image.program.keys():
@@ -173,9 +185,8 @@ class LineTheorem:
     def times(self) -> list[str]:
         """Check that the C is in time, for pulses and for commands."""
         streamed, rounds = self.streamed, self.streamed.layout.rounds
-        byte = (streamed.first_units + (BITS - 1) * streamed.bit_units) * UNIT
-        travel = streamed.farthest
-        bound = response(self.listing, rounds, travel, BYTES * byte)
+        command, travel = BYTES * streamed.byte_cycles, streamed.farthest
+        bound = response(self.listing, rounds, travel, command)
         # `response` counts one turn for each whole round of travel, and the last look at the remainder.
         if self.lemmas.divided > travel // ROUND + 1:
             raise UndecidedPart("the division of a distance takes more turns than the distance has rounds")
@@ -190,23 +201,9 @@ class LineTheorem:
             raise UndecidedPart(
                 f"the C may be late for a pulse: it takes up to {worst} cycles, and has {bound.supply}"
             )
-        self.check_command_in_time(bound, worst, BYTES * byte, travel)
+        self.check_command_in_time(bound, worst, command, travel)
+        self._check_eeprom_and_answer()
         clock = streamed.plan.schedule.clock
-        written = self.job.device.max_eeprom_write_us
-        if streamed.stream.fail_safe != HOLD:
-            silent_us = clock.us(Cycles((streamed.silence_frames - 1) * streamed.layout.period))
-            if silent_us < written:
-                raise UndecidedPart("the fail-safe may read the EEPROM while it is written")
-        # A query is executed within two slots and a round, and its answer begins up to a bit later.
-        answered = (2 * rounds + 1) * ROUND + (BITS + 1) * streamed.bit_units * UNIT
-        answers = streamed.stream.transmit_pin is not None
-        if answers and clock.us(Cycles(answered + byte)) > 1000 * AFTER_QUERY_MS:
-            raise UndecidedPart(
-                f"a byte that ends {AFTER_QUERY_MS} ms after a query may begin during the answer"
-            )
-        # A trim is executed within two slots; another command takes its time after the pause.
-        if clock.us(Cycles(2 * rounds * ROUND - BYTES * byte)) + written > 1000 * AFTER_TRIM_MS:
-            raise UndecidedPart("a command may end while a trim is still being written to the EEPROM")
         # A round more than two slots: the command is complete some cycles after the sample of its stop bit.
         after_us = clock.us(Cycles((2 * rounds + 1) * ROUND))
         latest_us = after_us + clock.us(streamed.layout.period)
@@ -216,6 +213,26 @@ class LineTheorem:
             f"a command takes effect in every pulse that begins {float(after_us):g} µs after its stop bit "
             f"or later: within {float(latest_us):g} µs",
         ]
+
+    def _check_eeprom_and_answer(self) -> None:
+        """Check that what takes longer than a command is over before a sender may begin the next."""
+        streamed, slots = self.streamed, 2 * self.streamed.layout.rounds * ROUND
+        clock, byte = streamed.plan.schedule.clock, streamed.byte_cycles
+        written = self.job.device.max_eeprom_write_us
+        if streamed.stream.fail_safe != HOLD:
+            silent_us = clock.us(Cycles((streamed.silence_frames - 1) * streamed.layout.period))
+            if silent_us < written:
+                raise UndecidedPart("the fail-safe may read the EEPROM while it is written")
+        # A query is executed within two slots and a round, and its answer begins up to a bit later.
+        answered = slots + ROUND + (BITS + 1) * streamed.bit_units * UNIT
+        answers = streamed.stream.transmit_pin is not None
+        if answers and clock.us(Cycles(answered + byte)) > 1000 * AFTER_QUERY_MS:
+            raise UndecidedPart(
+                f"a byte that ends {AFTER_QUERY_MS} ms after a query may begin during the answer"
+            )
+        # A trim is executed within two slots; another command takes its time after the pause.
+        if clock.us(Cycles(slots - BYTES * byte)) + written > 1000 * AFTER_TRIM_MS:
+            raise UndecidedPart("a command may end while a trim is still being written to the EEPROM")
 
     def check_command_in_time(self, bound: Response, worst: int, interval: int, travel: int) -> None:
         """Check that a command is executed before the next one can end: then none is torn."""

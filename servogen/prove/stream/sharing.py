@@ -14,25 +14,16 @@ from collections.abc import Set
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from servogen.pic.device import INTERRUPT_VECTOR, RAM_FIRST, RAM_LAST, STACK_LEVELS
+from servogen.pic.device import INTERRUPT_VECTOR, RAM_FIRST, RAM_LAST, STACK_LEVELS, registers
 from servogen.pic.known_values import word_of
 from servogen.pic.wcet import TimedProgram
-from servogen.prove.stream.execution import (
-    BANK_1,
-    EEADR,
-    EECON1,
-    EECON2,
-    EEDATA,
-    FSR,
-    INTCON,
-    PCL,
-    PCLATH,
-    STATUS,
-)
+from servogen.prove.stream.execution import BANK_1, INTCON
 from servogen.prove.stream.names import Names
 
 ANSWER_VARIABLES = RX_BYTE, RX_LEFT, RX_BITS = "rx_byte", "rx_left", "rx_bits"
 """The receiver's variables, in which main leaves an answer to the interrupt."""
+LOOP_REGISTERS = ("STATUS", "FSR", "PCLATH", "PCL", "INTCON", "EEADR", "EEDATA", "EECON1", "EECON2")
+"""The registers that main may write in its loop, beside those of the pin that answers."""
 
 
 class Fails(Exception):
@@ -78,9 +69,9 @@ def check_sharing(names: Names, main: MainAccesses, context: Set[int]) -> None:
     before_clear = main.prepare | main.idle
     after_clear = (main.execute.writes & pulse) | (main.execute.reads & names.addresses("due"))
     loop = before_clear | main.execute
-    registers = {STATUS, FSR, PCLATH, EEADR, EEDATA, EECON1, EECON2, INTCON, PCL}
+    own_registers = {registers()[name].address for name in LOOP_REGISTERS}
     out = names.streamed.stream.transmit_pin
-    registers |= {names.port(out), names.port(out) | BANK_1} if out else set()
+    own_registers |= {names.port(out), names.port(out) | BANK_1} if out else set()
     rules: tuple[tuple[Set[int], str], ...] = (
         (main.idle.writes & touched, "writes {} without a request"),
         (context & (main.start | loop).places, "uses {}, where the interrupt keeps its registers"),
@@ -89,7 +80,7 @@ def check_sharing(names: Names, main: MainAccesses, context: Set[int]) -> None:
         (after_clear, "uses {} after the request is cleared"),
         (before_clear.writes & {INTCON}, "masks interrupts beside a command"),
         (before_clear.places & (command | answer), "uses {} before the request is cleared"),
-        (loop.writes - registers - {*range(RAM_FIRST, RAM_LAST + 1)}, "writes {} in its loop"),
+        (loop.writes - own_registers - {*range(RAM_FIRST, RAM_LAST + 1)}, "writes {} in its loop"),
     )
     for places, sentence in rules:
         for place in sorted(places):
