@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Hashable, Iterator, Mapping
 from dataclasses import dataclass
-from enum import Enum
+from enum import IntEnum
 from functools import cached_property
 from typing import NamedTuple
 
@@ -60,12 +60,14 @@ PORT_VARIABLES = PORT, NEXT_PORT = "port", "next_port"
 """Its variables with the address of a port, if servos are on both."""
 
 
-class EdgePhase(Enum):
+class EdgePhase(IntEnum):
     """How far an interrupt with an edge is; one without an edge stays before it."""
 
-    BEFORE_EDGE = "T0IF, if cleared, is that of the overflow that began this interrupt"
-    AFTER_EDGE = "the edge has been made"
-    SPANS_NEXT_ROUND = "T0IF was cleared after the edge: the next round has no interrupt of its own"
+    BEFORE_EDGE = 0
+    """T0IF, if it is cleared, is that of the overflow that began this interrupt."""
+    AFTER_EDGE = 1
+    SPANS_NEXT_ROUND = 2
+    """T0IF was cleared after the edge: the next round has no interrupt of its own."""
 
 
 BEFORE_EDGE, AFTER_EDGE, SPANS_NEXT_ROUND = EdgePhase

@@ -162,7 +162,8 @@ class _LookTimes(NamedTuple):
         """Return whether none of these is later: then whatever can follow `later` can follow this, too, after
         gaps at least as long.
         """
-        return all(mine <= others for mine, others in zip(self, later, strict=True))
+        stamps = self.stamp <= later.stamp and self.bit_stamp <= later.bit_stamp
+        return self.sample <= later.sample and stamps
 
 
 @dataclass(slots=True)
@@ -203,11 +204,16 @@ class _Run:
             if word.flow == "call" and word.k in self.interrupt.looks:
                 looks = self.interrupt.looks[word.k]
                 states = list(self._after_look(looks, _State(at, last, bit_stamp)))
+                if len(states) == 1:
+                    ((at, last, bit_stamp),) = states
+                    continue
             else:
-                states = [_State(successor, last, bit_stamp) for successor in self._after_word(word, at)]
-            if len(states) != 1 or word.flow == "jump":
-                return [self._forget_old_bit(state) for state in states]
-            ((at, last, bit_stamp),) = states
+                successors = self._after_word(word, at)
+                if len(successors) == 1 and word.flow != "jump":
+                    (at,) = successors
+                    continue
+                states = [_State(successor, last, bit_stamp) for successor in successors]
+            return [self._forget_old_bit(state) for state in states]
 
     def _word(self, address: int) -> DecodedWord:
         try:
