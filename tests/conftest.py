@@ -2,11 +2,13 @@
 
 import gc
 import os
-from collections.abc import Iterator
+import pickle
+from collections.abc import Iterator, Sequence
 
 import pytest
 from hypothesis import HealthCheck, settings
 
+from servogen.compiler import Compilation, Options, Source, compile_sources
 from servogen.compiler.options import VERIFY_IR
 from servogen.native import parts
 
@@ -45,3 +47,20 @@ def _the_parts_in_c_are_compiled() -> None:
     """After a change of their sources every command would ask for a new installation."""
     for part in parts():
         part.refresh()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _the_c_of_an_engine_is_compiled_once() -> Iterator[None]:
+    """Hundreds of tests build the same jobs; each gets a copy of its own."""
+    kept: dict[str, bytes] = {}
+
+    def compiled(sources: Sequence[Source], options: Options) -> Compilation:
+        key = repr((sources, options))
+        if key not in kept:
+            kept[key] = pickle.dumps(compile_sources(sources, options))
+        copy: Compilation = pickle.loads(kept[key])
+        return copy
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("servogen.engines.fitting.compile_sources", compiled)
+        yield

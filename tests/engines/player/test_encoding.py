@@ -199,7 +199,7 @@ def test_more_steps_between_few_poses_than_the_script_holds_are_refused() -> Non
 @pytest.mark.parametrize("near", [2.0, 6.0])
 def test_a_loop_begins_in_the_same_row_each_time(near: float) -> None:
     """Poses that share rows: the loop's first step comes from the row that its last one ends in."""
-    for seed in range(30):
+    for seed in (13, 14, 19):  # of the first thirty those whose loop needs it: 13 and 14 with both
         random = np.random.default_rng(seed)
         knots = 1500 + random.uniform(-10, 10, (25, 3))
         knots[24] = knots[12]
