@@ -264,6 +264,9 @@ def test_a_byte_that_is_read_through_fsr_is_any(before: str) -> None:
     assert not prove_for_all(image, schedule, ANY).proven
 
 
+SUB = "sub     return\n"
+
+
 @pytest.mark.parametrize("byte", [0, 0x33, 0xFE])
 def test_a_pulse_that_is_one_cycle_late_with_one_content_is_found(byte: int) -> None:
     """Its GOTO takes a cycle more than the skip of it; the frame is as long as with any other content."""
@@ -288,7 +291,57 @@ def test_a_byte_that_is_read_through_fsr_after_another_one_and_tmr0_is_any() -> 
     assert not prove_for_all(image, schedule, ANY).proven
 
 
-SUB = "sub     return\n"
+KEPT = f"""
+        bsf STATUS, RP0
+        movlw 0xDF
+        movwf OPTION_REG
+        bcf STATUS, RP0
+        clrf EEADR
+{READ}
+        movf EEDATA, w
+        movwf 0x35
+        incf 0x35, w
+        btfsc STATUS, Z
+        clrf 0x35
+frame   clrf TMR0
+        call sub
+        movlw 128
+        addwf 0x35, w
+        movwf 0x31
+        bsf PORTB, 1
+        movf 0x31, w
+{delayed("long")}
+        bcf PORTB, 1
+        call sub
+        movf TMR0, w
+        sublw 25
+        movwf 0x34
+        movlw 0xC0
+        andwf 0x34, w
+        swapf 0x41, w
+{{late}}
+        movf 0x34, w
+{delayed("short")}
+        movlw 0
+        addlw 0
+        call sub
+        goto frame
+{SUB}"""
+"""Frames of 315 cycles, which TMR0 ends; the trim is read once and kept in 0x35. Z where a pulse is long."""
+
+
+@pytest.mark.parametrize(
+    ("late", "proven"),
+    [("        nop\n        nop", True), ("        btfsc STATUS, Z\n        movwf 0x35", False)],
+)
+def test_a_byte_that_only_late_chips_overwrite_is_not_taken_for_kept(late: str, proven: bool) -> None:
+    """Once TMR0 is awaited, the chips are alike but for 0x35: what 0x41 held is the next trim of some."""
+    image, schedule = assembled(KEPT.format(late=late)), schedule_of(315, 144)
+    assert prove_for_all(image, schedule).proven
+    found = prove_for_all(image, schedule, ANY)
+    assert found.proven == proven, found.reason
+
+
 NEXT = "        incf EEADR, f\n" + READ.replace("        nop\n", "")
 """Reads the next byte of the EEPROM."""
 FROM_BYTE_5 = f"        movlw 5\n        movwf EEADR\n{READ}        movf EEDATA, w\n        xorlw 0x77\n"
