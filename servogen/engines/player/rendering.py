@@ -32,6 +32,7 @@ from servogen.engines.inputs.commands import (
 )
 from servogen.engines.inputs.wire import LOOKED_LATE, FrameWire, quiet_pause
 from servogen.engines.player.arithmetic import ENTRIES, FRACTION
+from servogen.engines.player.encoding import Encoded
 from servogen.engines.player.layout import TICKS, SlotLayout, to_rise
 from servogen.engines.player.playing import Playing
 from servogen.engines.player.script import (
@@ -48,7 +49,7 @@ from servogen.engines.player.script import (
 from servogen.engines.stored_script import Stored
 from servogen.pic.device import EEPROM_ADDRESS, Device, registers
 from servogen.pulse.plan import PulsePlan
-from servogen.units import Cycles
+from servogen.units import Clock, Cycles
 
 PRESCALER = 0x84
 """OPTION_REG: TMR0 counts cycles, 1:32; one more for each doubling; no pull-ups (DS35007 section 2.3.2)."""
@@ -224,15 +225,14 @@ def _wire(wire: FrameWire | None, played: Playing) -> _WireText | None:
                 else period - LAST_C - to_rise(slots.tick) - slots.slots[0].ticks * slots.tick
             ),
         }
-    code = tuple(assembly(render_template("player/wire.asm", **values)))
     return _WireText(
         wire.follows,
         bool(wire.crystal_ppm),
         f"0x{1 << int(wire.pin[2]):02X}",
-        code,
+        _code("wire", **values),
         wire.restart if wire.follows else None,
         PortText("A", "0x0F"),
-        tuple(assembly(render_template("player/restart.asm"))),
+        _code("restart"),
     )
 
 
@@ -249,61 +249,35 @@ def render_player(
     """Return the C file of `played` in `dialect`, with its script as `stored`; a comment says what its
     `parts` do. Raises RenderError.
     """
-    schedule, encoded = played.plan.schedule, played.encoded
-    legs, timings = encoded.legs, encoded.script.timings
-    tick, clock, shifts = played.layout.tick, schedule.clock, encoded.scale.shifts
-    shift = int(shifts.min())
-    slots = Slots.of(played)
+    schedule, encoded, layout = played.plan.schedule, played.encoded, played.layout
+    slots, legs, follows = Slots.of(played), encoded.legs, wire if wire and wire.follows else None
     constants = _constants(played, slots)
+    tables = {name: table_lines(_row_groups(rows, encoded.stride)) for name, rows in _tables(played).items()}
     high = sorted({int(base) >> 8 for base in encoded.scale.bases})
-    spots = legs is not None and len(encoded.laws) > 2 * ENTRIES
-    laws = [timing.law for timing in timings]
     return render_template(
         "player/main.c.j2",
         **header_values(dialect, title, device, schedule),
         overrun=OVERRUN,
         parts=[part.replace("*/", "* /") for part in parts],
-        tick=tick,
-        tick_us=decimal(clock.us(tick)),
-        prescaler=f"0x{PRESCALER + TICKS.index(tick):02X}",
-        step_us=" or ".join(decimal(clock.us(1 << shift)) for shift in sorted(set(shifts.tolist()))),
+        tick=layout.tick,
+        tick_us=decimal(schedule.clock.us(layout.tick)),
+        prescaler=f"0x{PRESCALER + TICKS.index(layout.tick):02X}",
         channels=[_channel(played, channel) for channel in played.order],
         columns=encoded.stride,
-        tables={
-            name: table_lines(_row_groups(values, encoded.stride)) for name, values in _tables(played).items()
-        },
+        tables=tables,
+        slots=slots,
+        base_high=high[0] if len(high) == 1 else None,
+        places=constants.named,
+        constants=table_lines(constants.groups),
+        **_script(played, stored),
         legs=legs is not None,
         stand=legs.stand if legs else None,
         top=legs.lifted if legs else None,
         neutral=legs.neutral if legs else None,
         rising=encoded.script.third,
-        **_chain(played.chain),
-        spots=spots,
-        script=table_lines([(stored.flash, "")]) if stored.flash else [],
-        flash_bytes=len(stored.flash),
-        script_bytes=stored.size,
-        eeprom=list(stored.eeprom),
-        eeprom_first=stored.first,
-        eeprom_address=EEPROM_ADDRESS,
-        eeprom_offset=stored.offset,
-        fetch=list(assembly(render_template("player/fetch.asm"))),
-        loop=encoded.script.loop,
-        again=AGAIN,
-        at=AT,
-        spot=SPOT,
-        repeats=played.chain is None and _repeats(encoded.script.data),
-        starts=any(timing.start for timing in timings),
-        half=HALF,
-        laws=bool(encoded.laws),
-        slots=slots,
-        base_high=high[0] if len(high) == 1 else None,
-        places=constants.named,
-        constants=table_lines(constants.groups),
-        stay=STAY,
-        silent=SILENT,
-        stays=any(law in (STAY, SILENT) for law in laws),
+        spots=legs is not None and len(encoded.laws) > 2 * ENTRIES,
         released=legs is not None and bool(encoded.silent.any()),
-        silence=any(law == SILENT for law in laws),
+        **_chain(played.chain),
         **looking(buttons),
         inputs_text=[
             *buttons.text(),
@@ -311,31 +285,55 @@ def render_player(
             *(wire.text() if wire else ()),
         ],
         wire=_wire(wire, played),
-        kernel=list(
-            assembly(
-                kernel(
-                    tick,
-                    played.layout.stagger,
-                    wire if wire and wire.follows else None,
-                    played.layout.early,
-                    played.layout.look_delay,
-                )
-            )
-        ),
-        blend=list(assembly(render_template("player/blend.asm", twice=legs is not None))),
-        width=list(
-            assembly(
-                render_template(
-                    "player/width.asm",
-                    doublings=shift,
-                    lift_doublings=int(shifts.max()) - shift,
-                    knees=encoded.scale.bent,
-                )
-            )
-        ),
-        knees=encoded.scale.bent,
-        knee=list(assembly(render_template("player/knee.asm", bits=FRACTION - shift))),
+        **_calculations(encoded, schedule.clock),
+        kernel=list(assembly(kernel(layout.tick, layout.stagger, follows, layout.early, layout.look_delay))),
     )
+
+
+def _script(played: Playing, stored: Stored) -> dict[str, object]:
+    """Return the template's values for the script: where it is, and which kinds of steps it has."""
+    script = played.encoded.script
+    laws = {timing.law for timing in script.timings}
+    return {
+        "script": table_lines([(stored.flash, "")]) if stored.flash else [],
+        "flash_bytes": len(stored.flash),
+        "script_bytes": stored.size,
+        "eeprom": list(stored.eeprom),
+        "eeprom_first": stored.first,
+        "eeprom_address": EEPROM_ADDRESS,
+        "eeprom_offset": stored.offset,
+        "fetch": _code("fetch"),
+        "loop": script.loop,
+        "again": AGAIN,
+        "at": AT,
+        "spot": SPOT,
+        "stay": STAY,
+        "silent": SILENT,
+        "half": HALF,
+        "repeats": played.chain is None and _repeats(script.data),
+        "starts": any(timing.start for timing in script.timings),
+        "laws": bool(played.encoded.laws),
+        "stays": bool(laws & {STAY, SILENT}),
+        "silence": SILENT in laws,
+    }
+
+
+def _calculations(encoded: Encoded, clock: Clock) -> dict[str, object]:
+    """Return the assembly that makes widths of values, whose steps may be finer for some channels."""
+    shifts = sorted(set(encoded.scale.shifts.tolist()))
+    finest, knees = shifts[0], encoded.scale.bent
+    return {
+        "step_us": " or ".join(decimal(clock.us(1 << shift)) for shift in shifts),
+        "blend": _code("blend", twice=encoded.legs is not None),
+        "width": _code("width", doublings=finest, lift_doublings=shifts[-1] - finest, knees=knees),
+        "knees": knees,
+        "knee": _code("knee", bits=FRACTION - finest),
+    }
+
+
+def _code(name: str, **values: object) -> tuple[AsmLine, ...]:
+    """Return the lines of a template of assembly."""
+    return tuple(assembly(render_template(f"player/{name}.asm", **values)))
 
 
 def _chain(chain: DirectionPlaces | None) -> dict[str, object]:

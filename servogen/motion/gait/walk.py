@@ -246,10 +246,55 @@ def walk(
     if any(segment.cycles is None for segment in segments[:-1]):
         raise InputError("endless-motion", "only the last segment of a walk can be endless")
     plan = footwork(robot, gait, posture, (*segments, *others))
-    names = plan.legs
     joints = {name: joint for leg in robot.limbs for name, joint in leg.joints.items()}
     each = [limits] * len(joints) if isinstance(limits, JointLimits) else limits
-    if frames_per_cycle is None and any(math.isinf(limit.speed) for limit in each):
+    minimum = _least_frames(gait, frames_per_cycle, each)
+
+    def timed(count: int) -> _Timed:
+        return _time_walk(plan, gait, segments, others, count, lost, float(clock.seconds(period)), each)
+
+    made = timed(_whole(gait, frames_per_cycle)) if frames_per_cycle else _shortest(gait, timed, minimum)
+    _check_limits(joints, made.angles)
+    if frames_per_cycle is None and made.tight.factor > 1:
+        raise InputError(
+            "cycle-time",
+            "the limits of the servos require a cycle of more than a minute",
+            hint="shorten the stride, or raise the limits",
+        )
+    plan, frames = made.plan, made.frames
+    result = Walk(
+        trajectory=JointTrajectory(tuple(joints), clock, period, made.angles, made.loop_start),
+        begins=made.begins,
+        legs=plan.legs,
+        feet=frames.feet,
+        ground=frames.ground,
+        corrections=frames.corrections,
+        margins=_margins(plan.centre, frames, made.loop_start),
+        frames_per_cycle=made.count,
+        centres=tuple(plan.motion(segment).centre for segment in segments),
+        held_back=tuple(plan.held_back(segments)),
+        liftoff_slide_m=plan.liftoff_slide_m(FIRST_M),
+        centre=plan.centre,
+        level=tilt(posture),
+        beyond=plan.beyond,
+        lost=lost,
+        changes=plan.gait.changes_from(gait, made.count),
+        needed_frames=frames_per_cycle or made.count,
+        tightest=None if made.tight.factor == 0 else (tuple(joints)[made.tight.joint], made.tight),
+        least_frames=_whole(gait, minimum),
+    )
+    _refuse(result, spring_m, allow_falling)
+    if plan.margin is not None and not plan.stance.free and spring_m is None:
+        _refuse_lean(result, segments)
+    _refuse_meeting(robot, result, gap)
+    return result
+
+
+def _least_frames(gait: Gait, frames_per_cycle: int | None, limits: Sequence[JointLimits]) -> int:
+    """Return the fewest frames of a cycle. Raises InputError if fewer are asked for, or if nothing says how
+    long a cycle is.
+    """
+    if frames_per_cycle is None and any(math.isinf(limit.speed) for limit in limits):
         raise InputError(
             "no-speed", "the speed of the cycle is not known", hint="state its time, or a speed limit"
         )
@@ -260,60 +305,7 @@ def walk(
             f"a cycle of {frames_per_cycle} frames is too short for the gait '{gait.name}'",
             hint=f"at least {minimum} frames: each swing takes {MIN_SWING} or more",
         )
-
-    def timed(count: int) -> _Timed:
-        return _time_walk(plan, gait, segments, others, count, lost, float(clock.seconds(period)), each)
-
-    if frames_per_cycle is None:
-        made = _shortest(gait, timed, minimum)
-    else:
-        made = timed(_whole(gait, frames_per_cycle))
-    plan, count, frames, loop_start = made.plan, made.count, made.frames, made.loop_start
-    angles = made.angles
-    _check_limits(joints, angles)
-    if frames_per_cycle is None and made.tight.factor > 1:
-        raise InputError(
-            "cycle-time",
-            "the limits of the servos require a cycle of more than a minute",
-            hint="shorten the stride, or raise the limits",
-        )
-    trajectory = JointTrajectory(
-        joints=tuple(joints), clock=clock, period=period, angles=angles, loop_start=loop_start
-    )
-    margins = _margins(plan.centre, frames, loop_start)
-    result = Walk(
-        trajectory=trajectory,
-        begins=made.begins,
-        legs=names,
-        feet=frames.feet,
-        ground=frames.ground,
-        corrections=frames.corrections,
-        margins=margins,
-        frames_per_cycle=count,
-        centres=tuple(plan.motion(segment).centre for segment in segments),
-        held_back=tuple(plan.held_back(segments)),
-        liftoff_slide_m=plan.liftoff_slide_m(FIRST_M),
-        centre=plan.centre,
-        level=tilt(posture),
-        beyond=plan.beyond,
-        lost=lost,
-        changes=plan.gait.changes_from(gait, count),
-        needed_frames=frames_per_cycle or count,
-        tightest=None if made.tight.factor == 0 else (tuple(joints)[made.tight.joint], made.tight),
-        least_frames=_whole(gait, minimum),
-    )
-    _refuse(result, spring_m, allow_falling)
-    if plan.margin is not None and not plan.stance.free and spring_m is None:
-        _refuse_lean(result, segments)
-    meeting = nearest_collision(robot, result.leg_angles, gap)
-    if meeting is not None:
-        raise InputError(
-            "legs-collide",
-            f"{meeting.text()}, less than the gap of {1000 * gap:g} mm",
-            hint="shorten the stride or the turn, mount the legs farther apart or let them point apart "
-            "(heading_deg); if yours are thinner, state the gap (gap_mm, --gap-mm)",
-        )
-    return result
+    return minimum
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -440,6 +432,18 @@ def _refuse_lean(walk: Walk, segments: Sequence[Segment]) -> None:
             f"{1000 * worst:.1f} mm in steps of {1000 * step:.0f} mm",
             hint="a smaller margin_mm (0: no leaning), feet farther apart along the body, longer steps, or "
             "legs of three joints; spring_mm, if the legs yield",
+        )
+
+
+def _refuse_meeting(robot: WalkingRobot, walk: Walk, gap: float) -> None:
+    """Raise InputError where two legs, or a leg and the body, come nearer to each other than `gap`."""
+    meeting = nearest_collision(robot, walk.leg_angles, gap)
+    if meeting is not None:
+        raise InputError(
+            "legs-collide",
+            f"{meeting.text()}, less than the gap of {1000 * gap:g} mm",
+            hint="shorten the stride or the turn, mount the legs farther apart or let them point apart "
+            "(heading_deg); if yours are thinner, state the gap (gap_mm, --gap-mm)",
         )
 
 
