@@ -36,7 +36,7 @@ class Firmware:
     """The address of the byte whose bit 0 is set once the C takes too long; None if the engine has none."""
     warnings: tuple[Diagnostic, ...] = ()
     script: Stored | None = None
-    """Where the player's script is; None for other engines."""
+    """Where the script of the motion is; None for engines without one."""
 
 
 @dataclass(frozen=True, slots=True)

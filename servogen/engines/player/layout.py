@@ -52,7 +52,8 @@ longer.
 """
 
 WATCHDOG_US = Fraction(6900)
-"""The time within which a watchdog that was left on must be cleared (DS35007 section 9, parameter 31)."""
+"""The time within which a watchdog that was left on is cleared: 100 µs less than the shortest that any chip
+has (DS35007 section 9, parameter 31)."""
 
 AFTER_LOOK = 6
 """The kernel's cycles from a wire's rise, in the middle of its look, to the rise of a slot's pins."""
@@ -199,6 +200,7 @@ def layout(
     look: Pairs = [("B", ())] if wire else []
     early = awaited_early(frame.period.cycles, wire.crystal_ppm) if wire else NONE
     if early:
+        # `for_own_crystal` takes three ticks, 19 cycles, and what rounding to ticks adds
         motion_c = Cycles(motion_c + early + 5 * TICKS[0])
     for pairs in ([*look, *_by_pins(servos)], [*look, *_by_length(servos, rooms)]):
         longest = _longest(pairs, rooms, stagger)

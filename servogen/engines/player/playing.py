@@ -153,7 +153,7 @@ def _played(
     loop = len(rows) - trajectory.loop_start
     order = np.arange(len(encoded.frames))
     order = np.where(order < len(rows), order, order - loop)
-    played = replace(trajectory, angles=trajectory.angles[order], loop_start=encoded.lead)
+    motion = replace(trajectory, angles=trajectory.angles[order], loop_start=encoded.lead)
     ideal = rows[order]
     pulsed = encoded.widths[~encoded.silent]
     used = [Used(Cycles(int(channel.min())), Cycles(int(channel.max()))) for channel in pulsed.T]
@@ -161,10 +161,10 @@ def _played(
     slots = layout(servos, used, frame, clock, encoded.scale.doublings, legs=legs, wire=wire)
     rises = [slots.rise(channel) for channel in range(len(servos))]
     pulses = np.where(encoded.silent[:, None], NO_PULSE, encoded.widths)
-    error = plan_error_of(played, servos, encoded.widths, ideal, clock)
-    schedule = schedule_of(played, servos, slots.period, pulses, rises, error)
+    error = plan_error_of(motion, servos, encoded.widths, ideal, clock)
+    schedule = schedule_of(motion, servos, slots.period, pulses, rises, error)
     plan = PulsePlan(schedule, tuple(rows_of(servos, encoded.widths, ideal, clock)), ())
-    return Playing(played, plan, slots, encoded)
+    return Playing(motion, plan, slots, encoded)
 
 
 def leg_channels(servos: Sequence[Servo], bindings: Sequence[Binding]) -> list[tuple[int, int]]:
@@ -276,7 +276,7 @@ def ideal_widths(trajectory: JointTrajectory, servos: Sequence[Servo], clock: Cl
 def plan_error_of(
     trajectory: JointTrajectory, servos: Sequence[Servo], achieved: Whole, ideal: Floats, clock: Clock
 ) -> PlanError:
-    """Return the largest distance between the widths `made` and `ideal`, in cycles per frame and servo."""
+    """Return the largest distance between the widths `achieved` and `ideal`, cycles of (frames, servos)."""
     cycle_us = float(clock.cycle_us)
     errors = []
     for index, servo in enumerate(servos):

@@ -114,9 +114,10 @@ def shares(job: EngineJob) -> Shares:
             limited=False,
         )
         begin = len(begun.angles)
-        for one, other in zip(job.directions[::2], job.directions[1::2], strict=True):
-            parts.append(Part(f"{one.name} and {other.name}", begin))
-            begin += len(one.angles) - 1
+        # The tables hold each second direction as the one before it, played backward.
+        for forward, backward in zip(job.directions[::2], job.directions[1::2], strict=True):
+            parts.append(Part(f"{forward.name} and {backward.name}", begin))
+            begin += len(forward.angles) - 1
     else:
         ideal = ideal_widths(begun, servos, clock)
         pairs = leg_channels(servos, job.bindings)

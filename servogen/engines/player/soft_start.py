@@ -15,6 +15,7 @@ from servogen.robot.servo import Servo
 from servogen.units import Clock
 
 SAME_RAD = 1e-3
+"""A motion that begins this near to the neutral pose (0.06°) needs no movement from there."""
 
 
 def with_soft_start(
