@@ -119,6 +119,18 @@ u = v ^ u;
     MOVF v,W; XORWF u,F; MOVF v+1,W; XORWF u+1,F
 u = u + 256;
     INCF u+1,F
+u -= 256;
+    DECF u+1,F
+v = u + 256;
+    MOVF u,W; MOVWF v; INCF u+1,W; MOVWF v+1
+u += 0x34;
+    MOVLW 52; ADDWF u,F; BTFSC C; INCF u+1,F
+u += 0xFF34;
+    MOVLW 52; ADDWF u,F; BTFSS C; DECF u+1,F
+u += 0x1234;
+    MOVLW 52; ADDWF u,F; MOVLW 18; BTFSC C; MOVLW 19; ADDWF u+1,F
+l -= 256;
+    MOVLW 1; SUBWF l+1,F; BTFSS C; SUBWF l+2,F; BTFSS C; DECF l+3,F
 u <<= 1;
     BCF C; RLF u,F; RLF u+1,F
 u >>= 1;
@@ -231,4 +243,4 @@ MOST_WORDS = {
     "f.hi++;": 11,
     "k |= 0;": 2,
 }
-AS_GENERATED = 505
+AS_GENERATED = 530
