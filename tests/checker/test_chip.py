@@ -644,6 +644,18 @@ def test_a_cut_is_passed_by_where_a_certificate_could_not_describe_the_state() -
               {"KEY_2": 1}, {"RESCALED": 1})  # fmt: skip
     assert {why(**state) for state in states} == {layout.TOO_LONG}
     assert why(INTCON=GIE | INTE | 0x0200) == layout.MAY_INTERRUPT  # after the instruction at the cut
+    # Of a tape it can describe an EEPROM that gives a byte, once both lines are settled.
+    giving = {"TAKES": layout.GIVING, "SEEN": layout.UNSURE}
+    giving |= dict.fromkeys(("SCL_AGE", "SDA_AGE"), layout.SETTLED)
+    for changed in ({}, {"SCL_AGE": 3}, {"SDA_AGE": 3}, {"SEEN": layout.UNREAD}):
+        assert bool(chip.at_rest(resting(**(giving | changed)))) == (not changed)
+
+
+def test_a_vector_that_c_would_read_wrongly_is_refused() -> None:
+    s = resting()
+    for wrong in (s.astype(np.int32), np.repeat(s, 2)[::2]):
+        with pytest.raises(TypeError, match="a vector of the chip is of 64-bit integers"):
+            chip.at_rest(wrong)
 
 
 def test_the_last_edge_of_a_frame_stops_a_run_that_has_made_it() -> None:

@@ -62,6 +62,7 @@ def test_what_a_program_is_warned_of_is_in_the_json_too(run: Run, tmp_path: Path
         ("measure", "{hex}", "--schedule", "{hex}"),
         ("plot", "{hex}", "-o", "{hex}"),
         ("plot", "{hex}", "--against", "{other}", "-o", "{other}"),
+        ("plot", "{hex}", "--against", "{other}", "-o", "{hex}"),
         ("prove", "{hex}", "--against", "{other}", "--counterexample", "{hex}"),
         ("grade", "{other}", "{hex}", "--csv", "{hex}"),
         ("twin", "{other}", "--hex", "{hex}", "--csv", "{hex}"),
@@ -193,7 +194,7 @@ def test_the_exercise_is_proven_for_all_time(run: Run, lab8: Path) -> None:
 
 def test_edges_cannot_be_proven_for_all_time(run: Run, lab8: Path) -> None:
     ran = run("verify", lab8 / "edges.csv", "--against", lab8 / "schedule.json", "--forever")
-    assert ran.code == 2 and "only a program" in ran.err
+    assert ran.code == 2 and "only a program has a state that repeats for all time, not edges" in ran.err
 
 
 def test_a_repeat_beyond_reach_is_no_proof_and_says_what_was_covered(run: Run, lab8: Path) -> None:

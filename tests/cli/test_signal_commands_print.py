@@ -144,7 +144,6 @@ def test_less_than_a_frame_proves_nothing(
         (("a.sr", "--seconds", 1), "a capture is always compared to its end"),
         (("a.hex", "--rate", 5), "only a capture has a sampling rate"),
         (("a.csv", "--rate", 5), "only a capture has a sampling rate"),
-        (("a.csv", "--forever"), "only a program has a state that repeats for all time, not edges"),
         (("a.csv", "--device", "PIC16F84"), "a.csv"),
         (("a.csv", "--floating", 1), "a.csv"),
         (("a.sr", "--power-up"), "a.sr"),
@@ -269,21 +268,6 @@ def test_edges_have_no_chip(
     ran = run(*command, "a.csv", *option)
     assert (ran.code, "asked" in measuring, "drawn" in measuring) == (2, False, False)
     assert run(*command, "a.csv").code == 0
-
-
-def test_no_output_of_a_signal_takes_the_place_of_an_input(run: Command, measuring: dict[str, Any]) -> None:
-    for name in ("a.hex", "s.json"):
-        Path(name).write_text("kept")
-    for words in (
-        ("measure", "a.hex", "--schedule", "a.hex"),
-        ("plot", "a.hex", "-o", "a.hex"),
-        ("plot", "a.hex", "--against", "s.json", "-o", "s.json"),
-        ("plot", "a.hex", "--against", "s.json", "-o", "a.hex"),
-    ):
-        ran = run(*words)
-        assert (ran.code, "[output-exists]" in ran.err) == (2, True), words
-    assert [Path(name).read_text() for name in ("a.hex", "s.json")] == ["kept", "kept"]
-    assert not {"asked", "drawn"} & measuring.keys()
 
 
 def test_plot_draws_the_trace_or_the_motion_once(run: Command, measuring: dict[str, Any]) -> None:
