@@ -6,7 +6,7 @@ In: a lab, the pulses that were watched and the visits found in them. Out: fault
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -50,6 +50,26 @@ class ChipFacts:
     stack_wraps: int = 0
     written_for_hz: int | None = None
     """The clock that the source states."""
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """A program's pulses, taken as one solution of the task with its servos on some of the allowed pins."""
+
+    lab: Lab
+    solution: Solution
+    watched: Watched
+    chip: ChipFacts
+    pins: Mapping[str, PinPulses]
+    """The pulses of each servo, by its pin."""
+
+    @property
+    def pulses(self) -> Sequence[PinPulses]:
+        return tuple(self.pins.values())
+
+    def name(self, position: int) -> str:
+        """Return the name of a position."""
+        return self.solution.positions[position].name
 
 
 def cause(lab: Lab, watched: Watched, chip: ChipFacts) -> str | None:
@@ -141,10 +161,9 @@ def order(visits: Sequence[Visit], solution: Solution) -> VisitOrder:
     return max(tries, key=lambda order: len(order.right))
 
 
-def order_faults(
-    visits: Sequence[Visit], found_order: VisitOrder, lab: Lab, solution: Solution
-) -> Iterator[Fault]:
+def order_faults(attempt: Attempt, visits: Sequence[Visit], found_order: VisitOrder) -> Iterator[Fault]:
     """Yield what is wrong with the order or with the positions."""
+    lab, solution = attempt.lab, attempt.solution
     right = set(found_order.right)
     wrong = [index for index in range(len(visits)) if index not in right]
     strange = [index for index in wrong if not visits[index].places]
@@ -224,22 +243,16 @@ class Stay(NamedTuple):
     """Whether the visit ended before the watch did."""
 
 
-def stays(
-    watched: Watched,
-    pins: Sequence[PinPulses],
-    visits: Sequence[Visit],
-    asked: Sequence[int],
-    right: Sequence[int],
-) -> list[Stay]:
+def stays(attempt: Attempt, visits: Sequence[Visit], placed: VisitOrder) -> list[Stay]:
     """Return the visits that are at the positions where they should be."""
-    second = float(watched.clock.cycles_per_second)
+    second = float(attempt.watched.clock.cycles_per_second)
     stays = []
-    for index in right:
+    for index in placed.right:
         visit = visits[index]
-        silent = min(pin.silence(visit.begin, visit.end) for pin in pins)
+        silent = min(pin.silence(visit.begin, visit.end) for pin in attempt.pulses)
         stays.append(
             Stay(
-                position=asked[index],
+                position=placed.asked[index],
                 visit=visit,
                 stays_s=visit.cycles / second,
                 silent_s=silent / second,
@@ -249,30 +262,30 @@ def stays(
     return stays
 
 
-def pause_faults(lab: Lab, solution: Solution, stays: Sequence[Stay]) -> Iterator[Fault]:
+def pause_faults(attempt: Attempt, stays: Sequence[Stay]) -> Iterator[Fault]:
     """Yield the worst pause of each position that has a wrong one."""
-    for number, position in enumerate(solution.positions):
+    for number, position in enumerate(attempt.solution.positions):
         own = [stay for stay in stays if stay.position == number and stay.whole]
         if position.pause_s is None or not own:
             continue
         worst = max(own, key=lambda stay: _pause_error(stay, position))
-        if _pause_error(worst, position) > lab.pause_tolerance * position.pause_s:
+        if _pause_error(worst, position) > attempt.lab.pause_tolerance * position.pause_s:
             yield Fault((Check.PAUSES,), _pause_words(worst, position))
 
 
 def first_wrong(
-    visits: Sequence[Visit], placed: VisitOrder, right: Sequence[Stay], lab: Lab, solution: Solution
+    attempt: Attempt, visits: Sequence[Visit], placed: VisitOrder, right: Sequence[Stay]
 ) -> int | None:
     """Return the cycle in which the first visit begins, or ends, that is wrong; None if all are right."""
     wrong = sorted(set(range(len(visits))) - set(placed.right))
     moments = [visits[wrong[0]].begin] if wrong else []
     for stay in right:
-        position = solution.positions[stay.position]
+        position = attempt.solution.positions[stay.position]
         required = position.pause_s
         if (
             stay.whole
             and required is not None
-            and _pause_error(stay, position) > lab.pause_tolerance * required
+            and _pause_error(stay, position) > attempt.lab.pause_tolerance * required
         ):
             moments.append(stay.visit.end)
             break
@@ -291,19 +304,17 @@ def _pause_words(stay: Stay, position: TaskPosition) -> str:
     return f"it stays at {position.name}, with pulses, for {stay.stays_s:.2f} s; {asked}"
 
 
-def move_faults(
-    lab: Lab, watched: Watched, everything: Sequence[Visit], stays: Sequence[Stay], solution: Solution
-) -> Iterator[Fault]:
+def move_faults(attempt: Attempt, stays: Sequence[Stay]) -> Iterator[Fault]:
     """Yield the longest move to each position if it lasts too long, and positions that are only passed."""
-    second = float(watched.clock.cycles_per_second)
+    lab, solution = attempt.lab, attempt.solution
+    second = float(attempt.watched.clock.cycles_per_second)
     passed: dict[int, Stay] = {}
     for stay in stays:
         brief = stay.whole and 4 * stay.stays_s <= lab.longest_move_s
         if brief and solution.positions[stay.position].pause_s is None:
             passed.setdefault(stay.position, stay)
     for position, stay in sorted(passed.items()):
-        name = solution.positions[position].name
-        text = f"it passes through {name} in {stay.stays_s:.2f} s, too fast to be a stop"
+        text = f"it passes through {attempt.name(position)} in {stay.stays_s:.2f} s, too fast to be a stop"
         yield Fault((Check.TRAVEL,), text)
     moves: dict[tuple[int, int], float] = {}
     for before, after in pairwise(stays):
@@ -311,25 +322,18 @@ def move_faults(
         moves[way] = max(moves.get(way, 0.0), (after.visit.begin - before.visit.end) / second)
     for (start, end), seconds in sorted(moves.items()):
         if seconds > lab.longest_move_s:
-            names = " to ".join(solution.positions[number].name for number in (start, end))
+            names = " to ".join(map(attempt.name, (start, end)))
             text = f"the move from {names} lasts {seconds:.2f} s; it may last {lab.longest_move_s:g} s"
             yield Fault((Check.TRAVEL,), text)
 
 
-def travel_faults(
-    lab: Lab,
-    watched: Watched,
-    pins: Sequence[PinPulses],
-    everything: Sequence[Visit],
-    stays: Sequence[Stay],
-    solution: Solution,
-) -> Iterator[Fault]:
+def travel_faults(attempt: Attempt, everything: Sequence[Visit], stays: Sequence[Stay]) -> Iterator[Fault]:
     """Yield positions that a servo cannot have reached: without pulses it does not move."""
     before = {after.begin: visit.commanded[-1].angles for visit, after in pairwise(everything)}
     named: set[tuple[int, int]] = set()
-    second = float(watched.clock.cycles_per_second)
+    second = float(attempt.watched.clock.cycles_per_second)
     for stay in stays:
-        for number, (lab_servo, pin) in enumerate(zip(lab.servos, pins, strict=True)):
+        for number, (lab_servo, pin) in enumerate(zip(attempt.lab.servos, attempt.pulses, strict=True)):
             speed = lab_servo.servo.model.speed
             start = before.get(stay.visit.begin)
             if speed is None or start is None or not stay.whole or not lab_servo.servo.allows(start[number]):
@@ -340,31 +344,25 @@ def travel_faults(
             if given + 2 * pin.period / second < needed and (stay.position, number) not in named:
                 named.add((stay.position, number))
                 text = (
-                    f"the pulses for {solution.positions[stay.position].name} last {given:.2f} s: "
+                    f"the pulses for {attempt.name(stay.position)} last {given:.2f} s: "
                     f"a {lab_servo.servo.model.title} needs {needed:.2f} s to get there"
                 )
                 yield Fault((Check.TRAVEL,), text)
 
 
-def period_faults(
-    lab: Lab,
-    watched: Watched,
-    names: Sequence[str],
-    pins: Sequence[PinPulses],
-    solution: Solution,
-    stays: Sequence[Stay],
-) -> Iterator[Fault]:
+def period_faults(attempt: Attempt, stays: Sequence[Stay]) -> Iterator[Fault]:
     """Yield each pin's period farthest outside the range, and its largest change within a position."""
-    ms = float(watched.clock.cycle_us) / 1000
+    ms = float(attempt.watched.clock.cycle_us) / 1000
+    lab = attempt.lab
     low, high = lab.period_ms
-    for name, pin in zip(names, pins, strict=True):
+    for name, pin in attempt.pins.items():
         outside, changing = (0.0, ""), (0.0, "")
         for stay in stays:
             periods = pin.periods(stay.visit.begin, stay.visit.end) * ms
             if not len(periods):
                 continue
             shortest, longest = float(periods.min()), float(periods.max())
-            where = solution.positions[stay.position].name
+            where = attempt.name(stay.position)
             beyond = round(max(low - shortest, longest - high), ROUNDED)
             if beyond > outside[0]:
                 value = longest if longest - high >= low - shortest else shortest
@@ -385,19 +383,14 @@ def period_faults(
             yield Fault((Check.PERIOD,), f"{changing[1]}; it may vary by {lab.spread_us:g} µs at most")
 
 
-def interruption_faults(
-    watched: Watched,
-    names: Sequence[str],
-    pins: Sequence[PinPulses],
-    solution: Solution,
-    stays: Sequence[Stay],
-) -> Iterator[Fault]:
+def interruption_faults(attempt: Attempt, stays: Sequence[Stay]) -> Iterator[Fault]:
     """Yield each pin's longest pause that is followed by pulses for the same position, if there is one.
 
     At its first position a program may wait before its endless loop.
     """
+    pins = attempt.pulses
     turns = [pin.turns() for pin in pins]
-    for number, name in enumerate(names):
+    for number, name in enumerate(attempt.pins):
         longest, where = max(
             (
                 (again - last, stay.position)
@@ -408,11 +401,10 @@ def interruption_faults(
             default=(0, 0),
         )
         if longest:
-            seconds = float(watched.clock.seconds(longest))
-            at = solution.positions[where].name
+            seconds = float(attempt.watched.clock.seconds(longest))
             on = f" on {name}" if len(pins) > 1 else ""
             text = (
-                f"the pulses{on} for {at} stop, and go on {seconds:.2f} s later; "
+                f"the pulses{on} for {attempt.name(where)} stop, and go on {seconds:.2f} s later; "
                 "a pause comes after the last one"
             )
             yield Fault((Check.PERIOD,), text)
@@ -445,9 +437,9 @@ def _waits_for_others(
     return bool(taking) and int(np.diff(rises).max()) <= own.longest_period
 
 
-def period_remark(watched: Watched, pins: Sequence[PinPulses]) -> str | None:
+def period_remark(attempt: Attempt) -> str | None:
     """Return a note on a period that the lab allows but that is not recommended."""
-    periods = [float(watched.clock.us(pin.period)) for pin in pins if pin.period]
+    periods = [float(attempt.watched.clock.us(pin.period)) for pin in attempt.pulses if pin.period]
     low, high = (value / 1000 for value in PERIOD_US)
     for period in periods:
         if not low - 0.5 <= period / 1000 <= high + 0.5:
@@ -455,43 +447,33 @@ def period_remark(watched: Watched, pins: Sequence[PinPulses]) -> str | None:
     return None
 
 
-def end_faults(
-    lab: Lab,
-    watched: Watched,
-    chip: ChipFacts,
-    pins: Sequence[PinPulses],
-    visits: Sequence[Visit],
-    solution: Solution,
-) -> Iterator[Fault]:
+def end_faults(attempt: Attempt, visits: Sequence[Visit]) -> Iterator[Fault]:
     """Yield why there are fewer complete rounds than required, or why they only seem to repeat endlessly."""
-    text = _end_words(lab, watched, pins, visits, solution)
-    if text is None and chip.lost:
+    text = _end_words(attempt, visits)
+    if text is None and attempt.chip.lost:
         text = f"the program {PAST_ITS_END}"
     if text:
         yield Fault((Check.REPETITION,), text)
 
 
-def _end_words(
-    lab: Lab, watched: Watched, pins: Sequence[PinPulses], visits: Sequence[Visit], solution: Solution
-) -> str | None:
+def _end_words(attempt: Attempt, visits: Sequence[Visit]) -> str | None:
+    lab, watched, solution = attempt.lab, attempt.watched, attempt.solution
     rounds = max(0, len(visits) - 1) // len(solution.positions)
     longest = max(position.pause_s or 1.0 for position in solution.positions)
     if rounds >= lab.rounds:
         # It has shown how long it stays at a position.
         own = max(visit.cycles for visit in visits[:-1])
-        return _stop_words(watched, pins, visits, max(longest, float(watched.clock.seconds(own))))
+        return _stop_words(attempt, visits, max(longest, float(watched.clock.seconds(own))))
     seconds = float(watched.clock.seconds(watched.end))
     whole = "no complete round" if not rounds else f"only {counted(rounds, 'complete round')}"
     text = f"{whole} in {seconds:g} s instead of {lab.rounds} or more"
-    stop = _stop_words(watched, pins, visits, longest)
+    stop = _stop_words(attempt, visits, longest)
     return f"{text}: {stop}" if stop else text
 
 
-def _stop_words(
-    watched: Watched, pins: Sequence[PinPulses], visits: Sequence[Visit], longest: float
-) -> str | None:
+def _stop_words(attempt: Attempt, visits: Sequence[Visit], longest: float) -> str | None:
     """Return that the motion ends if it does: after twice the `longest` time at a position, in seconds."""
-    last = max(int(pin.fall[-1]) for pin in pins)
+    watched, last = attempt.watched, max(int(pin.fall[-1]) for pin in attempt.pulses)
     if float(watched.clock.seconds(watched.end - last)) > 2 * longest:
         end = float(watched.clock.seconds(last))
         return f"the pulses stop after {end:.1f} s; the motion must repeat endlessly"

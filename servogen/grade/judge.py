@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 from servogen.edges import PINS
 from servogen.errors import Diagnostic
 from servogen.grade.checks import (
+    Attempt,
     ChipFacts,
     Fault,
     Stay,
@@ -38,7 +39,7 @@ from servogen.grade.checks import (
 )
 from servogen.grade.film import Film
 from servogen.grade.lab import Check, Lab, Solution
-from servogen.grade.watch import PinPulses, Visit, Watched, visits, without_moves
+from servogen.grade.watch import Visit, Watched, visits, without_moves
 
 if TYPE_CHECKING:
     from servogen.answers import GradeFacts, PositionAnswer
@@ -161,7 +162,7 @@ def judge(lab: Lab, watched: Watched, chip: ChipFacts) -> Grade:
     if silent:
         return _without_pulses(lab, seconds, *silent)
     grades = [
-        _judge_solution(lab, solution, watched, pins, chip)
+        _judge_solution(_attempt(lab, solution, watched, chip, pins))
         for pins in _wirings(lab, watched)
         for solution in lab.solutions
     ]
@@ -184,7 +185,8 @@ def _if_swapped(lab: Lab, watched: Watched, chip: ChipFacts, found: Grade) -> Gr
     if any(pin not in watched.pins for pin in pins):
         return found
     for others in islice(permutations(pins), 1, MAX_WIRINGS):
-        if any(_judge_solution(lab, solution, watched, others, chip).passed for solution in lab.solutions):
+        attempts = (_attempt(lab, solution, watched, chip, others) for solution in lab.solutions)
+        if any(_judge_solution(attempt).passed for attempt in attempts):
             swapped = " and ".join(
                 f"'{servo.servo.name}' were on {PINS[pin]}"
                 for servo, pin in zip(lab.servos, others, strict=True)
@@ -209,25 +211,29 @@ def _wirings(lab: Lab, watched: Watched) -> Iterator[tuple[int, ...]]:
             yield pins
 
 
-def _judge_solution(
-    lab: Lab, solution: Solution, watched: Watched, numbers: tuple[int, ...], chip: ChipFacts
-) -> Grade:
-    pins = [watched.pins[number] for number in numbers]
-    names = [PINS[number] for number in numbers]
-    everything = visits(watched, pins, [lab_servo.servo for lab_servo in lab.servos], solution.positions)
+def _attempt(
+    lab: Lab, solution: Solution, watched: Watched, chip: ChipFacts, numbers: Sequence[int]
+) -> Attempt:
+    return Attempt(lab, solution, watched, chip, {PINS[number]: watched.pins[number] for number in numbers})
+
+
+def _judge_solution(attempt: Attempt) -> Grade:
+    lab, solution, watched = attempt.lab, attempt.solution, attempt.watched
+    servos = [lab_servo.servo for lab_servo in lab.servos]
+    everything = visits(watched, attempt.pulses, servos, solution.positions)
     longest_move = int(lab.longest_move_s * watched.clock.cycles_per_second)
     settled, placed, slow_or_fast = _in_order(everything, longest_move, solution)
-    right = stays(watched, pins, settled, placed.asked, placed.right)
+    right = stays(attempt, settled, placed)
     faults = (
-        *order_faults(settled, placed, lab, solution),
-        *(move_faults(lab, watched, everything, right, solution) if slow_or_fast else ()),
-        *pause_faults(lab, solution, right),
-        *travel_faults(lab, watched, pins, everything, right, solution),
-        *period_faults(lab, watched, names, pins, solution, right),
-        *interruption_faults(watched, names, pins, solution, right),
-        *end_faults(lab, watched, chip, pins, settled, solution),
+        *order_faults(attempt, settled, placed),
+        *(move_faults(attempt, right) if slow_or_fast else ()),
+        *pause_faults(attempt, right),
+        *travel_faults(attempt, everything, right),
+        *period_faults(attempt, right),
+        *interruption_faults(attempt, right),
+        *end_faults(attempt, settled),
     )
-    clock = clock_words(lab, chip)
+    clock = clock_words(lab, attempt.chip)
     if faults and clock:  # all else that is wrong is a consequence
         failed = {check for fault in faults for check in fault.checks}
         faults = (Fault(tuple(check for check in Check if check in failed), clock),)
@@ -235,13 +241,13 @@ def _judge_solution(
         lab=lab.name,
         faults=faults,
         unchecked=(*_unseen_visits(solution, settled, right), *([Check.CHIPS] if faults else [])),
-        remarks=tuple(_remarks(lab, solution, watched, numbers, pins, chip)),
-        pins=tuple((servo.servo.name, name) for servo, name in zip(lab.servos, names, strict=True)),
-        rows=tuple(_rows(solution, watched, pins, right, len(lab.servos))),
+        remarks=tuple(_remarks(attempt)),
+        pins=tuple((servo.name, pin) for servo, pin in zip(servos, attempt.pins, strict=True)),
+        rows=tuple(_rows(attempt, right)),
         seen=sequence(settled, solution),
         watched_s=float(watched.clock.seconds(watched.end)),
         rounds=tuple(stay.visit.begin for stay in right if stay.position == 0),
-        moment=first_wrong(settled, placed, right, lab, solution) if faults else None,
+        moment=first_wrong(attempt, settled, placed, right) if faults else None,
     )
 
 
@@ -281,33 +287,27 @@ def _unseen_visits(solution: Solution, stops: Sequence[Visit], right: Sequence[S
         yield Check.PERIOD
 
 
-def _remarks(
-    lab: Lab,
-    solution: Solution,
-    watched: Watched,
-    numbers: Sequence[int],
-    pins: Sequence[PinPulses],
-    chip: ChipFacts,
-) -> Iterator[Diagnostic]:
-    for lab_servo, number in zip(lab.servos, numbers, strict=True):
-        if PINS[number] != lab_servo.pins[0]:
+def _remarks(attempt: Attempt) -> Iterator[Diagnostic]:
+    lab, solution = attempt.lab, attempt.solution
+    for lab_servo, pin in zip(lab.servos, attempt.pins, strict=True):
+        if pin != lab_servo.pins[0]:
             yield Diagnostic(
                 "note",
                 "other-pin",
-                f"the servo '{lab_servo.servo.name}' is on {PINS[number]}, "
+                f"the servo '{lab_servo.servo.name}' is on {pin}, "
                 f"not on the lab's {lab_servo.pins[0]}: wire it there",
             )
-    others = [PINS[pin] for pin in sorted(watched.pins) if pin not in numbers]
+    others = [name for pin in sorted(attempt.watched.pins) if (name := PINS[pin]) not in attempt.pins]
     if others:
         yield Diagnostic(
             "note", "other-pin", f"there are also pulses on {', '.join(others)}, where no servo is connected"
         )
     if len(lab.solutions) > 1 and solution.name:
         yield Diagnostic("note", "graded-as", f"graded as: {solution.name}")
-    period = period_remark(watched, pins)
+    period = period_remark(attempt)
     if period:
         yield Diagnostic("note", "period-range", period)
-    if not chip.configured:
+    if not attempt.chip.configured:
         yield Diagnostic(
             "note",
             "no-configuration",
@@ -315,18 +315,16 @@ def _remarks(
         )
 
 
-def _rows(
-    solution: Solution, watched: Watched, pins: Sequence[PinPulses], stays: Sequence[Stay], servos: int
-) -> Iterator[Row]:
+def _rows(attempt: Attempt, stays: Sequence[Stay]) -> Iterator[Row]:
     """Yield what was measured at each position of the task."""
-    ms = float(watched.clock.cycle_us) / 1000
-    for number, position in enumerate(solution.positions):
+    ms, servos = float(attempt.watched.clock.cycle_us) / 1000, len(attempt.pins)
+    for number, position in enumerate(attempt.solution.positions):
         own = [stay for stay in stays if stay.position == number]
         commanded = [command for stay in own for command in stay.visit.commanded]
         periods = [
             value * ms
             for stay in own
-            for pin in pins
+            for pin in attempt.pulses
             for value in pin.periods(stay.visit.begin, stay.visit.end).tolist()
         ]
         whole = [stay for stay in own if stay.whole]

@@ -12,6 +12,7 @@ import pytest
 from servogen.edges import PINS, EdgeTrace, edge_chunk
 from servogen.grade import ChipFacts, Grade, judge, load_lab
 from servogen.grade.checks import (
+    Attempt,
     Fault,
     Stay,
     VisitOrder,
@@ -73,6 +74,10 @@ def pin(*rises: int, width: int = 1500) -> PinPulses:
 
 def watched(pins: dict[int, PinPulses] | None = None, end: int = 10_000_000, **changes: object) -> Watched:
     return Watched(MHZ4, end, pins or {}, **{"high_since": {}, "too_fast": False, **changes})  # type: ignore[arg-type]
+
+
+def attempt(*pins: PinPulses, end: int = 10_000_000) -> Attempt:
+    return Attempt(LAB, TASK, watched(end=end), ChipFacts(), dict(zip(("RB0", "RB1"), pins, strict=False)))
 
 
 # Pulses and visits
@@ -204,7 +209,7 @@ def test_a_strange_visit_is_split_where_its_angles_jump() -> None:
 
 
 def faults(stops: Sequence[Visit]) -> list[Fault]:
-    return list(order_faults(stops, order(stops, TASK), LAB, TASK))
+    return list(order_faults(attempt(), stops, order(stops, TASK)))
 
 
 def test_a_strange_position_is_named_where_another_is_expected() -> None:
@@ -302,36 +307,36 @@ def test_a_pause_may_differ_by_its_tolerance() -> None:
         stay(2, 4.1999),
         stay(0, 9, 0, False),
     ]
-    assert list(pause_faults(LAB, TASK, right)) == []
+    assert list(pause_faults(attempt(), right)) == []
     wrong = [stay(0, 2.15), stay(0, 1.8), stay(0, 2), stay(2, 9, 4.21)]
-    assert texts(list(pause_faults(LAB, TASK, wrong))) == [
+    assert texts(list(pause_faults(attempt(), wrong))) == [
         "it stays at A, with pulses, for 1.80 s; the pause should be 2 s",
         "after C there are no pulses for 4.21 s; the pause should be 4 s",
     ]
-    assert all(fault.checks == (Check.PAUSES,) for fault in pause_faults(LAB, TASK, wrong))
+    assert all(fault.checks == (Check.PAUSES,) for fault in pause_faults(attempt(), wrong))
 
 
 def test_the_first_wrong_moment_is_that_of_a_visit_or_of_a_pauses_end() -> None:
     stops = [visit(10 * n, 10 * n + 10, [n % 3]) for n in range(3)]
     right = VisitOrder((0, 1, 2), (0, 1, 2))
     late = [stay(0, 2.0, begin=5), stay(2, 5.0, begin=7), stay(0, 9.0, begin=1)]
-    assert first_wrong(stops, right, late, LAB, TASK) == 7 + 5_000_000
+    assert first_wrong(attempt(), stops, right, late) == 7 + 5_000_000
     assert (
-        first_wrong(stops, right, [stay(0, 2.0), stay(1, 77.0), stay(2, 9, whole=False)], LAB, TASK) is None
+        first_wrong(attempt(), stops, right, [stay(0, 2.0), stay(1, 77.0), stay(2, 9, whole=False)]) is None
     )
-    assert first_wrong(stops, VisitOrder((0, 1, 2), (0,)), late, LAB, TASK) == 10
-    assert first_wrong(stops, VisitOrder((0, 1, 2), (0, 1)), [stay(0, 1.0, begin=-99)], LAB, TASK) == 20
+    assert first_wrong(attempt(), stops, VisitOrder((0, 1, 2), (0,)), late) == 10
+    assert first_wrong(attempt(), stops, VisitOrder((0, 1, 2), (0, 1)), [stay(0, 1.0, begin=-99)]) == 20
 
 
 def test_stays_are_measured_with_their_longest_silence() -> None:
     stops = [visit(0, 1_000_000, [0]), visit(1_000_000, 3_000_000, [1])]
     own = pin(*range(0, 200_000, 20_000), *range(900_000, 1_200_000, 20_000))
     other = pin(*range(0, 400_000, 20_000), *range(900_000, 1_200_000, 20_000))
-    found = stays(watched(), [own, other], stops, (0, 1), (0, 1))
+    found = stays(attempt(own, other), stops, VisitOrder((0, 1), (0, 1)))
     assert [(each.position, each.stays_s, each.whole) for each in found] == [(0, 1.0, True), (1, 2.0, False)]
     # The last pulses of the two begin at 180 and 380 ms; the shorter silence is 900 - 381.5 ms.
     assert found[0].silent_s == pytest.approx(0.5185)
-    assert [each.position for each in stays(watched(), [own], stops, (2, 1), (1,))] == [1]
+    assert [each.position for each in stays(attempt(own), stops, VisitOrder((2, 1), (1,)))] == [1]
 
 
 def travelled(given_s: float) -> list[str]:
@@ -345,10 +350,10 @@ def travelled(given_s: float) -> list[str]:
     own = pin(*range(0, 3_000_000, 20_000))
     stops = [before, there, visit(end, end + 99, [0])]
     settled = [Stay(2, there, given_s, 0.0, True)]
-    found = list(travel_faults(LAB, watched(), [own], stops, settled, TASK))
-    twice = list(travel_faults(LAB, watched(), [own], stops, [*settled, *settled], TASK))
+    found = list(travel_faults(attempt(own), stops, settled))
+    twice = list(travel_faults(attempt(own), stops, [*settled, *settled]))
     assert found == twice, "each position once"
-    assert list(travel_faults(LAB, watched(), [own], stops, [settled[0]._replace(whole=False)], TASK)) == []
+    assert list(travel_faults(attempt(own), stops, [settled[0]._replace(whole=False)])) == []
     for fault in found:
         assert fault.checks == (Check.TRAVEL,)
         assert fault.text.endswith(f"needs {needed:.2f} s to get there")
@@ -368,7 +373,7 @@ def periods(*lengths_us: int) -> list[str]:
     rises = np.cumsum([0, *lengths_us]).tolist()
     own = pin(*rises)
     settled = [Stay(1, visit(0, rises[-1] + 1, [1]), 9.0, 0.0, True)]
-    found = list(period_faults(LAB, watched(), ["RB0"], [own], TASK, settled))
+    found = list(period_faults(attempt(own), settled))
     assert all(fault.checks == (Check.PERIOD,) for fault in found)
     return texts(found)
 
@@ -396,8 +401,8 @@ def test_a_period_that_is_allowed_but_unusual_is_remarked() -> None:
     for period, said in ((low - 500, False), (low - 501, True), (high + 500, False), (high + 501, True)):
         own = pin(*range(0, 6 * period, period))
         text = f"the period is {period / 1000:.2f} ms; {low / 1000:g} to {high / 1000:g} ms are recommended"
-        assert period_remark(watched(), [own]) == (text if said else None)
-    assert period_remark(watched(), [pin(7)]) is None
+        assert period_remark(attempt(own)) == (text if said else None)
+    assert period_remark(attempt(pin(7))) is None
 
 
 def test_too_few_rounds_are_said_with_the_moment_from_which_nothing_happens() -> None:
@@ -406,7 +411,7 @@ def test_too_few_rounds_are_said_with_the_moment_from_which_nothing_happens() ->
 
     def said(count: int, last: int, end: int) -> list[str]:
         own = pin(0, last - 1500)
-        return texts(list(end_faults(LAB, watched(end=end), ChipFacts(), [own], stops[:count], TASK)))
+        return texts(list(end_faults(attempt(own, end=end), stops[:count])))
 
     assert said(7, 7_000_000, 7_000_000) == []
     # Two rounds are enough, but not if it stays at the last position for more than twice the longest pause.
@@ -423,7 +428,7 @@ def test_too_few_rounds_are_said_with_the_moment_from_which_nothing_happens() ->
     for length, stuck in ((8_000_000, False), (8_000_001, True)):
         long = [stops[0], visit(1_000_000, 1_000_000 + length, [1])]
         end = 1_000_000 + length
-        (text,) = texts(list(end_faults(LAB, watched(end=end), ChipFacts(), [pin(0, end - 9)], long, TASK)))
+        (text,) = texts(list(end_faults(attempt(pin(0, end - 9), end=end), long)))
         assert ("after 1.0 s nothing moves; the motion must repeat endlessly" in text) == stuck
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from servogen.grade import Grade, Submission, load_lab
-from servogen.grade.checks import order, order_faults
-from servogen.grade.watch import Commanded, Visit
+from servogen.grade.checks import Attempt, ChipFacts, order, order_faults
+from servogen.grade.watch import Commanded, Visit, Watched
 from servogen.programs import read_submission
 from servogen.workflows.grading import GradingTask, grade_submissions
 from tests.campaigns import sampled
@@ -150,7 +150,8 @@ def test_a_strange_position_in_a_wrong_order_is_named_once() -> None:
 
     one, two, three, strange = visit(30, 0), visit(90, 1), visit(120, 2), visit(45)
     visits = [one, three, two, strange, one, three, two, strange]
-    said = [str(fault) for fault in order_faults(visits, order(visits, solution), lab, solution)]
+    attempt = Attempt(lab, solution, Watched(lab.clock, 800, {}, {}, False), ChipFacts(), {})
+    said = [str(fault) for fault in order_faults(attempt, visits, order(visits, solution))]
     assert len(said) == 2
     assert "it should be 30° → 90° → 120°" in said[0]
     assert "not a position of the task: 'arm' gets pulses of 1250 µs, which is 45.0°" in said[1]
