@@ -29,7 +29,7 @@ from servogen.watch.server import WatchServer
 from servogen.watch.subject import Setting, load_subject
 from servogen.workflows.films import film_page
 from servogen.workflows.grading import GradingTask, grade_submissions
-from servogen.workflows.reporting import page_of
+from servogen.workflows.reporting import build_page
 from tests.engines.tape.tape_jobs import text as tape_text
 from tests.watch.browser import Browser, Page, chromium, wait
 from tests.watch.serving import Running
@@ -171,7 +171,7 @@ def programs(studio: Studio) -> None:
 
 def finished(studio: Studio) -> None:
     if studio.wants("report"):
-        made = studio.file("report.html", page_of(plan_job(load(TRIPOD))).html)
+        made = studio.file("report.html", build_page(plan_job(load(TRIPOD))).html)
         show = "document.getElementById('pulses').scrollIntoView(); film.go(2.6e6)"
         studio.open("report", made.as_uri(), lambda page: page.run(show), width=1000, height=1000)
     if not any(map(studio.wants, ("film", "class", "graded"))):

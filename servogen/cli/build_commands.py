@@ -25,7 +25,13 @@ from servogen.pic.device import PROGRAM_WORDS, RAM_BYTES
 from servogen.plan_error import plan_text
 from servogen.report.text import timing_budgets_text
 from servogen.units import counted
-from servogen.workflows.certificates import CertificateVerdict, beside, checked, kept, proved
+from servogen.workflows.certificates import (
+    CertificateVerdict,
+    beside,
+    check_file,
+    find_verdict,
+    prove_unless_kept,
+)
 from servogen.workflows.job_build import Build, hex_name, program_facts, write
 from servogen.workflows.job_build import build as built
 from servogen.workflows.pair import build_pair, write_pair
@@ -270,11 +276,11 @@ def _theorems(
         job = folder if certificates is None else certificates / result.job.name
         file = beside(job / name)
         if prove:
-            verdicts.append(proved(file, image, schedule))
+            verdicts.append(prove_unless_kept(file, image, schedule))
         elif certificates is not None:
-            verdicts.append(checked(file, image, schedule))
+            verdicts.append(check_file(file, image, schedule))
         else:
-            verdicts.append(kept([file], image, schedule))
+            verdicts.append(find_verdict([file], image, schedule))
     return verdicts
 
 

@@ -16,7 +16,7 @@ from servogen.cli.drive_line import Baud, First, Port, RangeUs
 from servogen.cli.options import JobFile, Json
 from servogen.cli.show import as_json, next_step, print_lines, table, warn
 from servogen.drive.commands import QUIT, LineCommands
-from servogen.drive.controller import ControllerChannel, controller_of
+from servogen.drive.controller import ControllerChannel, job_controller
 from servogen.drive.serial_link import NullWire, SerialLink, Time, VirtualTime, port_opener
 from servogen.drive.sweep import Ask, Sweep, ask_from, positions, refusals, servo_index, sweep_readings
 from servogen.errors import Diagnostic, InputError
@@ -119,7 +119,7 @@ def _sweep_readings(
             "no serial port is given",
             hint="--port /dev/ttyUSB0, or --readings FILE.csv",
         )
-    speed, controller = controller_of(job, *settings)
+    speed, controller = job_controller(job, *settings)
     channel = controller.channels[index]
     stops = positions(channel, *span)
     ask = angle_question(channel, len(stops)) if angles is None else ask_from(angles_of(angles), stops)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from servogen.cli.files import read_schedule_of
+from servogen.cli.files import read_any_schedule
 from servogen.cli.options import Json, sampling_rate_option
 from servogen.cli.show import as_json, next_step, progress, status, warn
 from servogen.errors import Diagnostic, InputError, Location
@@ -74,7 +74,7 @@ def capture(
     if against is not None and is_built_pair(against):
         schedule, second = read_pair(against)[0]
     elif against is not None:
-        schedule = read_schedule_of(against)
+        schedule = read_any_schedule(against)
     looking = CaptureSettings(
         rate=analyser.rate or DEFAULT_RATE,
         fixed_rate=analyser.rate is not None,

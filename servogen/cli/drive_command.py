@@ -14,8 +14,8 @@ from servogen import INTERRUPTED
 from servogen.cli.drive_line import KEYS_HELP, WireOptions, command_source, was_interrupted
 from servogen.cli.options import JobFile, Json, duration
 from servogen.cli.show import as_json, json_line, warn
-from servogen.drive.controller import ServoController, controller_of
-from servogen.drive.request import DriveRequest, course_of
+from servogen.drive.controller import ServoController, job_controller
+from servogen.drive.request import DriveRequest, plan_course
 from servogen.drive.serial_link import NullWire, Opener, SerialLink, Time, VirtualTime, port_opener
 from servogen.drive.session import ARRIVE_S, DriveSession, Log, Summary
 from servogen.drive.steering import Rates
@@ -82,8 +82,8 @@ def drive(job: JobFile, wire: WireOptions, request: DriveOptions, json: Json = F
 
         drive_on_command(loaded, wire, request.seconds, json)
         return
-    speed, controller = controller_of(loaded, wire.baud, wire.range_us, wire.first)
-    course = course_of(loaded, request.of_terminal(wire))
+    speed, controller = job_controller(loaded, wire.baud, wire.range_us, wire.first)
+    course = plan_course(loaded, request.of_terminal(wire))
     time = VirtualTime().time() if wire.dry_run else Time()
     with (
         SerialLink(_opener(wire, speed), speed, time, wire.patience) as line,

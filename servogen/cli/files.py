@@ -71,7 +71,7 @@ def read_program(path: Path, device_name: str | None = None) -> Program:
     return program
 
 
-def read_schedule_of(path: Path) -> PulseSchedule:
+def read_any_schedule(path: Path) -> PulseSchedule:
     """Return the schedule in a schedule.json, of the folder of a build, or of a job. Raises InputError."""
     if programs.is_job(path):
         from servogen.job import load, plan_job  # loads the engines: only for a job

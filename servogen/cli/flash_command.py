@@ -9,8 +9,8 @@ from typing import Annotated
 
 import typer
 
-from servogen.bench.programmers.flash import command_of
 from servogen.bench.programmers.flash import flash as flashed
+from servogen.bench.programmers.flash import programming_command
 from servogen.bench.programmers.table import ProgrammingRequest, find
 from servogen.cli.files import read_image
 from servogen.cli.options import Json
@@ -79,7 +79,7 @@ def flash(
     checked = check(file, image, chosen.device, path, read_schedule(path) if path else None)
     order = ProgrammingRequest(file, checked.device, chosen.port)
     installed = find(chosen.programmer)
-    command = command_of(installed, order)
+    command = programming_command(installed, order)
     for warning in checked.warnings(force):
         warn(warning)
     if dry_run:

@@ -22,7 +22,7 @@ from servogen.motion.gait.phases import gait as named
 from servogen.motion.gait.steps import SAME_M, Segment
 from servogen.motion.gait.walk import Walk, walk
 from servogen.motion.limits import JointLimits
-from servogen.motion.loads import check_loads, loads_of
+from servogen.motion.loads import check_loads, walk_loads
 from servogen.outputs import write_text
 from servogen.report.film import film, walk_scene
 from servogen.report.gait_facts import GaitFacts, diagram, walk_facts, walk_to_json
@@ -215,7 +215,7 @@ def gait(
         gap=legs.gap_mm / 1000,
         lost=model.lost_motion(model.calibration) if legs.compensate else 0.0,
     )
-    facts, loads = walk_facts(walker, planned_walk), loads_of(walker, planned_walk)
+    facts, loads = walk_facts(walker, planned_walk), walk_loads(walker, planned_walk)
     legs.check_clearance(facts.clearance)
     _write_walk(walker, rhythm, planned_walk, facts, files)
     upright = planned_walk.full_height()

@@ -20,7 +20,7 @@ from servogen.report.plan_facts import PlanFacts, ServoFacts, plan_facts
 from servogen.report.tracks import ERROR_COLUMNS, error_rows
 from servogen.units import counted
 from servogen.workflows.engines import nearest_pulses
-from servogen.workflows.horns import Horn, advised, centred, edits, horns_of, rewritten
+from servogen.workflows.horns import Horn, centre_horns, edits, job_horns, rewritten, with_horn_advice
 
 
 def plan(
@@ -46,10 +46,10 @@ def plan(
         with status(f"filming {animate}"):
             film(job_scene(loaded), animate)
     if json:
-        horns = [horn.to_json() for horn in horns_of(asked)]
+        horns = [horn.to_json() for horn in job_horns(asked)]
         as_json({**facts.to_json(), "horns": horns}, (*loaded.warnings, *pulses.warnings, *loaded.notes))
     else:
-        _show_plan(facts, horns_of(asked))
+        _show_plan(facts, job_horns(asked))
         if csv or picture or animate:
             print(next_step("build", job))
 
@@ -63,13 +63,13 @@ def _plan_with_horns(loaded: Job, file: Path, fit: bool, out: TextIO) -> Planned
     try:
         planned = plan_job(loaded)
     except ServogenError as error:
-        horns, made = centred(loaded)
+        horns, made = centre_horns(loaded)
         if not fit:
-            raise advised(error, horns) from None
+            raise with_horn_advice(error, horns) from None
     else:
         if not fit:
             return planned
-        horns, made = centred(loaded)
+        horns, made = centre_horns(loaded)
     values = edits(loaded, horns)
     if not values:
         print(f"{file}: every horn is on the tooth that centres the motion best", file=out)

@@ -14,10 +14,10 @@ from servogen.errors import InputError, Location
 from servogen.job import PlannedJob, load, plan_job
 from servogen.outputs import write_text
 from servogen.plan_error import plan_text
-from servogen.traces.channels import wires_of
+from servogen.traces.channels import parse_wires
 from servogen.verify import capture_lines
 from servogen.workflows.pair import build_pair, pair_html
-from servogen.workflows.reporting import page_of
+from servogen.workflows.reporting import build_page
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,13 +55,13 @@ def report(
     if loaded.chips:
         raise typer.Exit(_report_pair(loaded, target, recording.capture is not None or twin, json))
     with status(f"{loaded.name}: planning") as tell:
-        page = page_of(
+        page = build_page(
             loaded,
             recording.capture,
             lambda step: tell(f"{loaded.name}: {step}"),
             recording.rate,
             twin,
-            wires_of(recording.wire or ()),
+            parse_wires(recording.wire or ()),
         )
     write_text(target, page.html)
     if json:

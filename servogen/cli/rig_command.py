@@ -37,7 +37,7 @@ from servogen.simulator import PairedMachine, Stimulus
 from servogen.simulator.sources import pin_number
 from servogen.workflows.engines import planned
 from servogen.workflows.job_program import played_program, read_program
-from servogen.workflows.pair import planned_pair, read_pair_of
+from servogen.workflows.pair import planned_pair, read_job_pair
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +149,7 @@ def paired_rig(job: PlannedJob, folder: Path | None) -> tuple[PulseSchedule, Pro
     in the folder of a build. Says if the crystals of both are not what the job states.
     """
     if folder is not None:
-        schedules, (first, second) = read_pair_of(job, folder)
+        schedules, (first, second) = read_job_pair(job, folder)
     else:
         played = planned_pair(job)
         schedules, (first, second) = played.schedules, played.images()

@@ -11,7 +11,7 @@ import typer
 
 from servogen.cli.chip_options import ChipOptions
 from servogen.cli.contracts import ContractRequest, verify_contract
-from servogen.cli.files import check_outputs, read_program, read_schedule_of
+from servogen.cli.files import check_outputs, read_any_schedule, read_program
 from servogen.cli.options import (
     CaptureRate,
     ClockHz,
@@ -141,7 +141,7 @@ def verify(
         _refuse_for_contract(forever, source.rate)
         raise typer.Exit(verify_contract(claim.request(file, chip, seconds, wires, device, source, json)))
     assert against is not None
-    schedule = read_schedule_of(against)
+    schedule = read_any_schedule(against)
     board = chip.on(device_for(schedule, against, device))
     if forever:
         raise typer.Exit(_verify_forever(file, schedule, seconds, board, json))
@@ -390,7 +390,7 @@ def plot(
 ) -> None:
     """Draw the pulses of a program or of recorded edges (default: the motion once, else 20 s)."""
     check_outputs([path for path in (file, against) if path], output)
-    schedule = read_schedule_of(against) if against else None
+    schedule = read_any_schedule(against) if against else None
     wires = wires_for(file, wire)
     if device is not None or chip.given:
         refuse_chip_options(file)

@@ -97,7 +97,7 @@ class ServoController:
         return StreamCommand(CommandKind.POSITION, self.channels[index].number, position).to_bytes()
 
 
-def controller_of(
+def job_controller(
     job: Job, baud: int | None, range_us: str | None, first: int
 ) -> tuple[int, ServoController]:
     """Return the baud rate and the controller of a job's servos, numbered from `first` in the job's order.

@@ -76,7 +76,7 @@ def frame_at(trajectory: JointTrajectory, seconds: float) -> int:
     return int(seconds / float(trajectory.clock.seconds(trajectory.period)) + ALMOST)
 
 
-def pose_of(job: PlannedJob, text: str) -> Floats:
+def find_pose(job: PlannedJob, text: str) -> Floats:
     """Return the pose with a number (from 1) or a name in the job, or that of `servo=degrees,…`, in radians.
 
     Servos that are not named are NaN. Raises InputError for an unknown pose or servo and for an angle outside

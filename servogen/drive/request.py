@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from servogen.drive.motions import AngleFunction, Limited, Played, Still, pose_of
-from servogen.drive.steering import Jog, Rates, steering_of
+from servogen.drive.motions import AngleFunction, Limited, Played, Still, find_pose
+from servogen.drive.steering import Jog, Rates, job_steering
 from servogen.errors import InputError, Location
 from servogen.job import PlannedJob
 from servogen.motion.trajectory import Floats
@@ -27,7 +27,7 @@ class DriveRequest:
     """A pose, steering, or the job's motion if neither is requested."""
 
     pose: str | None = None
-    """A pose as `pose_of` reads it."""
+    """A pose as `find_pose` reads it."""
     steer: bool = False
     single_keys: bool = False
     """Whether the commands are keys; keys without a meaning for this robot are ignored."""
@@ -56,13 +56,13 @@ class Course:
     """Returns the state that a command has changed, in one line; None if there is no such line."""
 
 
-def course_of(job: PlannedJob, request: DriveRequest) -> Course:
+def plan_course(job: PlannedJob, request: DriveRequest) -> Course:
     """Return the course that `request` defines for the job's robot. Raises InputError."""
     if request.pose is not None and request.steer:
         raise InputError("conflicting-options", "--pose is one pose, --keys is many: use one of the two")
     stop = _stop_pose(job, request.stop)
     if request.steer:
-        steering = steering_of(job, request.rates)
+        steering = job_steering(job, request.rates)
         seconds = math.inf if request.seconds is None else request.seconds
 
         def known_keys(command: str) -> None:
@@ -76,7 +76,7 @@ def course_of(job: PlannedJob, request: DriveRequest) -> Course:
         )
     motion: AngleFunction
     if request.pose is not None:
-        motion, seconds = Still(pose_of(job, request.pose)), _pose_seconds(job, request)
+        motion, seconds = Still(find_pose(job, request.pose)), _pose_seconds(job, request)
     else:
         motion, seconds = Played(job.trajectory), _motion_seconds(job, request)
     return Course(Limited(motion, seconds), lambda command: None, stop, seconds)
@@ -116,4 +116,4 @@ def _stop_pose(job: PlannedJob, text: str | None) -> Floats | None:
         )
     if text is None or text in (HOLD, OFF):
         return None
-    return neutral if text == NEUTRAL else pose_of(job, text)
+    return neutral if text == NEUTRAL else find_pose(job, text)

@@ -34,7 +34,7 @@ from servogen.drive.commands import (
     SIDEWAYS_RIGHT,
     STOP,
 )
-from servogen.drive.motions import frame_at, pose_of
+from servogen.drive.motions import find_pose, frame_at
 from servogen.errors import InputError, Location, did_you_mean
 from servogen.job import PlannedJob, plan_job
 from servogen.kinematics.protocol import DrivingRobot, WalkingRobot
@@ -74,7 +74,7 @@ class Steering(Protocol):
         """Return the angle of every servo (servos,) in radians."""
 
 
-def steering_of(job: PlannedJob, rates: Rates) -> Steering:
+def job_steering(job: PlannedJob, rates: Rates) -> Steering:
     """Return the steering of a job's robot.
 
     Raises InputError for a robot that can go in none of the directions, and for one that cannot be steered.
@@ -131,7 +131,7 @@ class PoseController:
         """Go to a pose from the present angles, or stop at these."""
         if command not in self.commands and "=" not in command:
             raise _unknown(command, self.commands)
-        goal = self._now if command == STOP else pose_of(self.job, command)
+        goal = self._now if command == STOP else find_pose(self.job, command)
         # From where the servos are now, also in the middle of a move.
         self._start, self._since = self._now, self._moment
         self._goal = np.where(np.isnan(goal), self._goal, goal)

@@ -48,7 +48,7 @@ class Film:
     source: FilmSource | None = None
 
 
-def film_of(watched: Watched, pins: Sequence[int], moment: int | None, source: FilmSource | None) -> Film:
+def make_film(watched: Watched, pins: Sequence[int], moment: int | None, source: FilmSource | None) -> Film:
     """Return the film of the pulses on `pins` around a moment; None: from the first pulse on."""
     clock = watched.clock
     first = min((int(watched.pins[pin].rise[0]) for pin in pins if pin in watched.pins), default=0)

@@ -45,7 +45,7 @@ def of_one_chip(document: Document) -> Document:
     return replace(document, data={**document.data, "chip": shared})
 
 
-def chips_of(document: Document, rows: Sequence[ServoTable]) -> tuple[PairedChip, ...]:
+def read_chips(document: Document, rows: Sequence[ServoTable]) -> tuple[PairedChip, ...]:
     """Return the two chips of a job; none if it has one chip. Raises InputError."""
     if not isinstance(document.data["chip"], tuple):
         return ()
@@ -151,7 +151,7 @@ def check_alone(document: Document, inputs: Sequence[EngineInput], table: JobTab
         )
 
 
-def part_of(trajectory: JointTrajectory, names: Sequence[str]) -> JointTrajectory:
+def motion_part(trajectory: JointTrajectory, names: Sequence[str]) -> JointTrajectory:
     """Return the motion of some of the servos."""
     columns = [trajectory.joints.index(name) for name in names]
     return replace(trajectory, joints=tuple(names), angles=trajectory.angles[:, columns])

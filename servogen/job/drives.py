@@ -23,7 +23,7 @@ from servogen.toml.file import Document, exact
 from servogen.units import Clock, counted
 
 
-def drive_of(
+def plan_drive(
     job: Job,
     table: DriveTable,
 ) -> PlannedPoses:

@@ -34,7 +34,7 @@ class Follower:
         return replace(leader, servo=self.name, zero=leader.zero + self.offset)
 
 
-def followers_of(document: Document, rows: Sequence[ServoTable]) -> tuple[Follower, ...]:
+def read_followers(document: Document, rows: Sequence[ServoTable]) -> tuple[Follower, ...]:
     """Return the servos that follow another one. Raises InputError."""
     by_name = {row.name: row for row in rows}
     followers = []

@@ -13,13 +13,13 @@ from dataclasses import fields, replace
 import numpy as np
 
 from servogen.errors import Diagnostic, InputError
-from servogen.job.drives import drive_of
+from servogen.job.drives import plan_drive
 from servogen.job.followers import followed, unlike_mirrors
 from servogen.job.job import Job, NamedPose, PlannedJob
-from servogen.job.poses import poses_of
+from servogen.job.poses import read_poses
 from servogen.job.schema import SECTIONS, DriveTable, MotionTable, ProgramTable, Section, WalkTable
-from servogen.job.segments import chosen
-from servogen.job.walks import walk_of, walk_on_command
+from servogen.job.segments import commanded_segments
+from servogen.job.walks import plan_walk, walk_on_command
 from servogen.kinematics.statics import gravity_torques, has_masses
 from servogen.motion import JointTrajectory, Motion, PlannedPoses, trajectory
 from servogen.motion.gait.commands import CommandedDirection
@@ -148,7 +148,7 @@ def _motion(
             return PlannedPoses(_still(job.servos, period, job.clock)), (), ()
         case MotionTable():
             _check_poses(job, section)
-            poses = poses_of(job.document, section, job.servos, job.tip)
+            poses = read_poses(job.document, section, job.servos, job.tip)
             names = tuple(servo.name for servo in job.servos)
             motion = Motion(
                 joints=names,
@@ -163,19 +163,19 @@ def _motion(
             planned = trajectory(motion, period, job.clock)
             if section.commands is None:
                 return planned, named, ()
-            rest, segments = chosen(job.document, section.commands, planned)
+            rest, segments = commanded_segments(job.document, section.commands, planned)
             return rest, named, segments
         case WalkTable():
             if section.commands is not None:
                 walk, directions = walk_on_command(job, section, section.commands, _joint_limits(job, limits))
                 return walk, (), directions
-            return walk_of(job, section, _joint_limits(job, limits), others), (), ()
+            return plan_walk(job, section, _joint_limits(job, limits), others), (), ()
         case ProgramTable():
-            from servogen.job.programs import program_of  # a language of its own, which few jobs use
+            from servogen.job.programs import plan_program  # a language of its own, which few jobs use
 
-            return program_of(job, section, limits), (), ()
+            return plan_program(job, section, limits), (), ()
         case DriveTable():
-            return drive_of(job, section), (), ()
+            return plan_drive(job, section), (), ()
 
 
 def _check_poses(job: Job, section: MotionTable) -> None:

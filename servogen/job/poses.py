@@ -49,7 +49,7 @@ class _State:
     orientation: tuple[float, ...] | None = None
 
 
-def poses_of(
+def read_poses(
     document: Document, table: MotionTable, servos: tuple[Servo, ...], tip: Tip | None
 ) -> tuple[Pose, ...]:
     """Return all poses; servos that a pose does not name keep their angle. Raises ServogenError."""

@@ -32,7 +32,7 @@ SLACK = 1e-9
 """The distance (radians, metres) by which rounding may take a home beyond a limit."""
 
 
-def program_of(
+def plan_program(
     job: Job,
     table: ProgramTable,
     limits: Sequence[JointLimits],

@@ -26,9 +26,9 @@ from servogen.engines.inputs.commands import (
 from servogen.engines.inputs.tape import Tape
 from servogen.engines.registry import ENGINES, sections, suitable
 from servogen.errors import InputError, Location, did_you_mean
-from servogen.job.chips import check_alone, chips_of, of_one_chip
+from servogen.job.chips import check_alone, of_one_chip, read_chips
 from servogen.job.job import FirmwareSettings, Job
-from servogen.job.rig import rig_of
+from servogen.job.rig import read_rig
 from servogen.job.schema import (
     MAX_ERROR_US,
     NOT_SEGMENTS,
@@ -56,7 +56,7 @@ AUTO = "auto"
 OWN_PIN = "commands need a pin of their own"
 
 
-def firmware_of(
+def read_firmware(
     document: Document, table: JobTable, servos: Sequence[Servo], frame: Frame, clock: Clock
 ) -> tuple[FirmwareSettings, tuple[EngineInput, ...]]:
     """Return the program that a job requests, and the inputs that it states. Raises InputError."""
@@ -350,12 +350,12 @@ def _with(data: Any, key: Key, value: object) -> Any:
 def _job(document: Document) -> Job:
     """Return the job of a document. Raises InputError."""
     table = toml_file.validate(of_one_chip(document), JobTable)
-    chips = chips_of(document, table.servo)
+    chips = read_chips(document, table.servo)
     chip, clock = _chip(document, table)
-    rig = rig_of(document, table, chips)
+    rig = read_rig(document, table, chips)
     servos = rig.servos
     frame = _frame(document, table, clock)
-    firmware, inputs = firmware_of(document, table, servos, frame, clock)
+    firmware, inputs = read_firmware(document, table, servos, frame, clock)
     if chips:
         check_alone(document, inputs, table)
     return Job(

@@ -16,7 +16,7 @@ from pathlib import Path
 from servogen.edges import PINS
 from servogen.errors import InputError, Location
 from servogen.job.chips import PairedChip
-from servogen.job.followers import Follower, at_their_leaders, followers_of, within_each_other
+from servogen.job.followers import Follower, at_their_leaders, read_followers, within_each_other
 from servogen.job.schema import JobTable, LegTable, ServoTable
 from servogen.job.tip import ArmTip, LegTip, Tip
 from servogen.kinematics import catalogue
@@ -30,7 +30,7 @@ from servogen.robot.servo_models import FILE_ENDING, points_of, servo_model
 from servogen.toml.file import Document
 
 
-def servos_of(
+def read_servos(
     document: Document, rows: tuple[ServoTable, ...], chips: Sequence[PairedChip] = ()
 ) -> tuple[Servo, ...]:
     """Return all servos, in the order of the file; each pin is one of its chip. Raises InputError."""
@@ -127,7 +127,7 @@ def _points(document: Document, index: int, row: ServoTable, model: ServoModel) 
     return read_calibration(file, row.name, model.name, model.continuous, document.place(*key))
 
 
-def bindings_of(
+def read_bindings(
     document: Document, rows: tuple[ServoTable, ...], sliding: dict[str, bool]
 ) -> tuple[Binding, ...]:
     """Return the joints that the servos turn, in the order of the servos; `sliding` states for each of the
@@ -183,10 +183,10 @@ class JobRig:
     tip: Tip | None
 
 
-def rig_of(document: Document, table: JobTable, chips: Sequence[PairedChip] = ()) -> JobRig:
+def read_rig(document: Document, table: JobTable, chips: Sequence[PairedChip] = ()) -> JobRig:
     """Return what the servos of a job move. Raises InputError."""
-    followers = followers_of(document, table.servo)
-    servos = within_each_other(document, servos_of(document, table.servo, chips), followers)
+    followers = read_followers(document, table.servo)
+    servos = within_each_other(document, read_servos(document, table.servo, chips), followers)
     rig = _rig(document, table, servos, followers)
     return replace(rig, servos=at_their_leaders(rig.servos, followers))
 
@@ -199,14 +199,16 @@ def _rig(
             raise document.error(
                 "conflicting-keys", ("robot",), "[leg] is itself a robot", "remove one of the two"
             )
-        bindings_of(document, table.servo, {})
+        read_bindings(document, table.servo, {})
         tip = _leg(document, table.leg, servos, {follower.name for follower in followers})
         return JobRig(servos, followers, None, tip.bindings, tip)
     if table.robot is None:
-        return JobRig(servos, followers, None, bindings_of(document, table.servo, {}), None)
+        return JobRig(servos, followers, None, read_bindings(document, table.servo, {}), None)
     robot = _robot(document, table.robot.name)
     joints = {name: joint for limb in robot.limbs for name, joint in limb.joints.items()}
-    bindings = bindings_of(document, table.servo, {name: not joint.turning for name, joint in joints.items()})
+    bindings = read_bindings(
+        document, table.servo, {name: not joint.turning for name, joint in joints.items()}
+    )
     by_name = {servo.name: servo for servo in servos}
     for binding in bindings:
         place = document.place("servo", list(by_name).index(binding.servo), "zero_deg")

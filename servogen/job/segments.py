@@ -23,7 +23,7 @@ from servogen.toml.file import Document, exact
 KEY = ("motion", "commands")
 
 
-def chosen(
+def commanded_segments(
     document: Document, table: MotionCommandsTable, planned: PlannedPoses
 ) -> tuple[PlannedPoses, tuple[CommandedDirection, ...]]:
     """Return the rest, and the segments of the motion. Raises InputError."""

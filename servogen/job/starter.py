@@ -13,7 +13,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from servogen.errors import InputError, ServogenError, check_known
-from servogen.job.chips import part_of
+from servogen.job.chips import motion_part
 from servogen.job.plan import plan_job
 from servogen.job.reader import loads
 from servogen.kinematics.catalogue import robot
@@ -121,7 +121,7 @@ def starter(kind: str, servo: str, file: Path) -> str:
         job = plan_job(loads(text, str(file)))
         for names in [chip.servos for chip in job.chips] or [job.trajectory.joints]:
             servos = [each for each in job.servos if each.name in names]
-            plan(part_of(job.trajectory, names), servos, job.frame)
+            plan(motion_part(job.trajectory, names), servos, job.frame)
     except ServogenError as error:
         message = f"{model.title} does not fit '{own or kind}': {error.first.message}"
         if own is not None:

@@ -22,14 +22,14 @@ from servogen.motion.gait.phases import Gait, custom, gait
 from servogen.motion.gait.steps import SAME_M, Segment
 from servogen.motion.gait.walk import MIN_SWING, Walk, walk
 from servogen.motion.limits import JointLimits
-from servogen.motion.loads import check_torque, loads_of
+from servogen.motion.loads import check_torque, walk_loads
 from servogen.robot.binding import Binding
 from servogen.robot.servo import Servo
 from servogen.toml.file import Document, exact
 from servogen.units import Clock, Cycles
 
 
-def walk_of(
+def plan_walk(
     job: Job,
     table: WalkTable,
     limits: tuple[JointLimits, ...],
@@ -175,7 +175,7 @@ class _Walker:
                 self.robot,
                 self.gait,
                 segments,
-                posture_of(self.table),
+                read_posture(self.table),
                 self.job.frame.period.cycles,
                 self.job.clock,
                 frames_per_cycle=frames,
@@ -282,7 +282,7 @@ def _segment(forward_mm: float, left_mm: float, turn_deg: float, cycles: float |
     return Segment(forward_mm / 1000, left_mm / 1000, math.radians(turn_deg), cycles)
 
 
-def posture_of(table: WalkTable) -> Posture:
+def read_posture(table: WalkTable) -> Posture:
     """Return how [walk] has the robot stand."""
     height, width, margin = (
         None if length is None else length / 1000
@@ -408,7 +408,7 @@ def _overloads(
     robot: WalkingRobot, walk: Walk, bindings: Sequence[Binding], servos: Sequence[Servo]
 ) -> Iterator[Diagnostic]:
     """Yield a warning for each servo of a walking robot whose weight needs more than its torque."""
-    loads = loads_of(robot, walk)
+    loads = walk_loads(robot, walk)
     if loads is None:
         return
     by_joint = {binding.joint: binding for binding in bindings}

@@ -56,7 +56,7 @@ class Loads:
         )
 
 
-def loads_of(robot: WalkingRobot, walk: Walk) -> Loads | None:
+def walk_loads(robot: WalkingRobot, walk: Walk) -> Loads | None:
     """Return the loads of a walk; None for a robot without a stated mass or with too few legs."""
     if robot.mass is None or len(robot.limbs) < MIN_LEGS:
         return None

@@ -94,10 +94,10 @@ class PageFacts:
 
 def html_page(facts: PageFacts) -> str:
     """Return the page. Raises RenderError if the template is wrong."""
-    return filled(TEMPLATE, _values(facts))
+    return render_page(TEMPLATE, _values(facts))
 
 
-def filled(template: str, values: Mapping[str, object]) -> str:
+def render_page(template: str, values: Mapping[str, object]) -> str:
     """Return the page that a template makes of values. Raises RenderError if the template is wrong."""
     environment = Environment(
         undefined=StrictUndefined, autoescape=True, trim_blocks=True, lstrip_blocks=True

@@ -13,7 +13,7 @@ from servogen.engines.inputs import given
 from servogen.engines.inputs.wire import FrameWire
 from servogen.errors import InputError
 from servogen.job import PlannedJob
-from servogen.report.html import filled, wiring_rows
+from servogen.report.html import render_page, wiring_rows
 from servogen.report.wiring import PackagePin, open_drain, package, remarks
 
 TEMPLATE = "pair.html.j2"
@@ -47,7 +47,7 @@ class PairFacts:
 
 def pair_page(facts: PairFacts) -> str:
     """Return the page. Raises RenderError if the template is wrong."""
-    return filled(TEMPLATE, _values(facts))
+    return render_page(TEMPLATE, _values(facts))
 
 
 def _values(facts: PairFacts) -> dict[str, object]:

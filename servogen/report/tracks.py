@@ -21,7 +21,7 @@ import numpy as np
 from servogen.job import PlannedJob
 from servogen.job.ends import End
 from servogen.job.schema import WalkTable
-from servogen.job.walks import posture_of
+from servogen.job.walks import read_posture
 from servogen.kinematics.protocol import DrivingRobot, Posture
 from servogen.kinematics.stance import level_centre, tilt
 from servogen.motion.drive import positions
@@ -42,7 +42,7 @@ Kind = Literal["foot", "tool", "base"]
 
 def standing_feet(job: PlannedJob, angles: Floats) -> tuple[Floats, tuple[float, float]]:
     """Return the feet (n, legs, 3) in the body's level frame, and the centre of mass over the ground."""
-    posture = posture_of(job.section) if isinstance(job.section, WalkTable) else Posture()
+    posture = read_posture(job.section) if isinstance(job.section, WalkTable) else Posture()
     feet = np.stack([end.points(angles) for end in job.ends], axis=1)
     centre = getattr(job.robot, "centre_of_mass", (0.0, 0.0, 0.0))
     return np.asarray(feet @ tilt(posture).T), level_centre(posture, centre)

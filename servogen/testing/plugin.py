@@ -231,12 +231,12 @@ def servogen_schedule(request: pytest.FixtureRequest) -> PulseSchedule:
 def servogen_target(request: pytest.FixtureRequest) -> Target:
     """Return what the test runs on: the simulated chip, the bench, or a recording."""
     from servogen.testing.targets import Replay, Simulator
-    from servogen.traces.channels import wires_of
+    from servogen.traces.channels import parse_wires
 
     target: Target
     replay = request.config.getoption("servogen_replay")
     if replay:
-        wires = wires_of(request.config.getoption("servogen_wire"))
+        wires = parse_wires(request.config.getoption("servogen_wire"))
         target = Replay(request.config.invocation_params.dir / replay, _name(request.node), wires)
     elif request.config.getoption("servogen_target") == "bench":
         target = session_bench(request)

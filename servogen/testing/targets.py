@@ -54,12 +54,12 @@ from servogen.workflows.capture import CaptureSettings, capture
 from servogen.workflows.verification import (
     checked_cycles,
     chip_warnings,
-    cycle_of,
-    end_of,
+    compared_end,
     hidden_by,
     judge_capture,
     judge_edges,
     judge_file,
+    warning_cycle,
 )
 
 TYPICAL_EDGES_PER_S = TYPICAL_EDGES / float(TYPICAL_PERIOD_S)
@@ -543,8 +543,8 @@ def check(seen: SeenPins, schedule: PulseSchedule, tolerances: Tolerances | None
         verdict = judge_file(schedule, seen.trace, tells_end, hidden=seen.hidden)
     else:
         verdict = judge_edges(schedule, seen.trace, seen.span)
-    end = end_of(verdict)
-    counted = (warning for warning in seen.warnings if end is None or cycle_of(warning) < end)
+    end = compared_end(verdict)
+    counted = (warning for warning in seen.warnings if end is None or warning_cycle(warning) < end)
     verdict = verdict.with_warnings(tuple(counted), CHIP_DEPENDENT)
     return ScheduleCheck(
         verdict.passed, verdict.agrees, tuple(verdict_lines(verdict)), tuple(_of_edges(verdict))

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from servogen.toml.locations import Key, places_of, syntax_tree
+from servogen.toml.locations import Key, find_places, syntax_tree
 
 if TYPE_CHECKING:
     from tree_sitter import Node
@@ -21,7 +21,7 @@ def append_element(text: str, key: Key, element: str) -> str:
     Raises KeyError where there is no array at `key`.
     """
     raw = text.encode()
-    array = _array(raw, places_of(text)[key])
+    array = _array(raw, find_places(text)[key])
     elements = [child for child in array.named_children if child.type != "comment"]
     if not elements:
         inside = array.start_byte + 1
@@ -74,7 +74,7 @@ def set_in_element(text: str, key: Key, index: int, name: str, value: str | None
     element, ValueError where the element is not an inline table.
     """
     raw = text.encode()
-    array = _array(raw, places_of(text)[key])
+    array = _array(raw, find_places(text)[key])
     tables = [child for child in array.named_children if child.type != "comment"]
     if not 0 <= index < len(tables):
         raise IndexError(index)
@@ -107,7 +107,7 @@ def set_in_table(text: str, key: Key, name: str, value: str) -> str:
 
     Raises KeyError where there is no table at `key`.
     """
-    raw, places = text.encode(), places_of(text)
+    raw, places = text.encode(), find_places(text)
     if (*key, name) in places:
         old = _at(raw, places[(*key, name)], ("pair",)).named_children[1]  # a comment may follow
         return (raw[: old.start_byte] + value.encode() + raw[old.end_byte :]).decode()
@@ -169,7 +169,7 @@ class _Elements:
 def _elements(text: str, key: Key) -> _Elements:
     """Return the elements of the array at `key`. Raises KeyError where there is none."""
     raw = text.encode()
-    array = _array(raw, places_of(text)[key])
+    array = _array(raw, find_places(text)[key])
     children = array.children[1:-1]
     begin = array.start_byte + 1
     if children and children[0].type == "comment" and children[0].start_point[0] == array.start_point[0]:

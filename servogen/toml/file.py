@@ -18,7 +18,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from servogen.errors import InputError, Location, did_you_mean
 from servogen.inputs import read_input
-from servogen.toml.locations import Key, TooMuch, places_of
+from servogen.toml.locations import Key, TooMuch, find_places
 
 UNITS = {
     *("us", "ms", "s", "deg", "rad", "mm", "cm", "m", "hz", "khz", "mhz", "v", "mv", "a", "ma", "nm", "ncm"),
@@ -102,7 +102,7 @@ def parse(text: str, file: str) -> Document:
             "file-too-large", "tables or arrays are nested too deeply", Location(file)
         ) from error
     try:
-        document = Document(file, _frozen(data), places_of(text))
+        document = Document(file, _frozen(data), find_places(text))
         _check_range(document, document.data, ())
         return document
     except TooMuch as error:

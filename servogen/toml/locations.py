@@ -47,7 +47,7 @@ class TooMuch(Exception):
         self.hint = hint
 
 
-def places_of(text: str) -> dict[Key, tuple[int, int]]:
+def find_places(text: str) -> dict[Key, tuple[int, int]]:
     """Return line and column (from 1, in characters) of every key and array element of a valid document.
 
     Raises TooMuch for more than MAX_ENTRIES of them, and for one that is deeper than MAX_DEPTH.

@@ -19,7 +19,7 @@ from servogen.edges import PIN_NAMES, PINS, UNDRIVEN, EdgeChunk, EdgeTrace
 from servogen.errors import InputError, Location
 from servogen.inputs import open_input
 from servogen.outputs import atomic_write
-from servogen.traces.channels import rate_of, step_clock
+from servogen.traces.channels import parse_rate, step_clock
 from servogen.traces.csv import HEADER as EDGES_HEADER
 from servogen.traces.formats import EdgeWriter, read_edges
 from servogen.traces.lines import ended, first_lines
@@ -148,7 +148,7 @@ def _read_vcd(path: Path, wires: Mapping[str, str] | None) -> Capture:
     header = read_header(path, wires)
     clock = step_clock(1 / header.step_s, Location(str(path)))
     rates = (stated[1] for comment in header.comments if (stated := _RATE.match(comment)))
-    rate = next((rate_of(text.strip(), Location(str(path))) for text in rates), None)
+    rate = next((parse_rate(text.strip(), Location(str(path))) for text in rates), None)
     sample = None if rate is None else float(1 / (rate * header.step_s))
     is_made = not is_capture(path)
     if is_made:

@@ -21,7 +21,7 @@ _PIN = re.compile(r"(?<![A-Za-z0-9])(?:R|PORT)([AB])_?\[?([0-7])\]?(?![0-9A-Za-z
 _HINT = "name the pin of each wire: --wire CHANNEL=PIN"
 
 
-def wires_of(texts: Iterable[str]) -> dict[str, str] | None:
+def parse_wires(texts: Iterable[str]) -> dict[str, str] | None:
     """Return the pin of each channel from texts such as `Channel 0=RB0`; None if there are none.
 
     Raises InputError for a text that does not assign a pin, and for a channel that has two.
@@ -39,7 +39,7 @@ def wires_of(texts: Iterable[str]) -> dict[str, str] | None:
     return wired or None
 
 
-def pins_of(
+def assign_pins(
     wires: Sequence[tuple[str, Key]], chosen: Mapping[str, str] | None, place: Location
 ) -> dict[Key, int]:
     """Return, by key, the pin number of each of `wires` (name, key) that belongs to a pin.
@@ -92,7 +92,7 @@ _RATE = re.compile(r"\s*\+?(\d{1,18}|(?=\.))(\.\d{1,18}(?= ))? *([kmg]?)(?:hz)?"
 _FACTOR = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9}
 
 
-def rate_of(text: str, place: Location) -> int:
+def parse_rate(text: str, place: Location) -> int:
     """Return the sampling rate in hertz that is the whole `text`: `200 kHz`, `1.5 MHz`, `1 M`, `1000000`.
 
     Source: libsigrok's `sr_parse_sizestring`: a number, spaces, k, M or G in either case, `Hz` or nothing.

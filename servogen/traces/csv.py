@@ -21,7 +21,7 @@ import numpy as np
 from servogen.edges import PINS, Driven, EdgeChunk, EdgeTrace, edge_chunk, join
 from servogen.errors import InputError, Location
 from servogen.traces import rows
-from servogen.traces.inputs import INPUT_PINS, NO_INPUTS, InputRows, Inputs, Rows, merged
+from servogen.traces.inputs import INPUT_PINS, NO_INPUTS, InputRows, Inputs, Rows, merge_inputs
 from servogen.traces.lines import ended, last_line, line_blocks
 from servogen.units import Clock, Cycles
 
@@ -67,7 +67,9 @@ class CsvWriter:
         self._write(self._inputs.until(end), (nothing, nothing))
 
     def _write(self, inputs: Rows, edges: Rows) -> None:
-        cycles, numbers = merged((inputs[0], inputs[1] + len(_TAILS)), edges) if len(inputs[0]) else edges
+        cycles, numbers = (
+            merge_inputs((inputs[0], inputs[1] + len(_TAILS)), edges) if len(inputs[0]) else edges
+        )
         for start in range(0, len(cycles), rows.BLOCK):
             block = slice(start, start + rows.BLOCK)
             self._file.write(rows.text(rows.decimals(cycles[block]), self._tails[numbers[block]]))

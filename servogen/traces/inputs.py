@@ -68,7 +68,7 @@ class InputRows:
         return np.array(cycles, dtype=np.int64), np.array(numbers, dtype=np.int64)
 
 
-def merged(inputs: Rows, edges: Rows) -> Rows:
+def merge_inputs(inputs: Rows, edges: Rows) -> Rows:
     """Return both in order of cycles; within one cycle, changes from outside come first."""
     cycles, numbers = (np.concatenate(pair) for pair in zip(inputs, edges, strict=True))
     order = np.argsort(cycles, kind="stable")

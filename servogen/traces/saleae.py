@@ -18,7 +18,7 @@ import numpy as np
 from servogen.edges import HIGH, LOW, PINS, Changes, EdgeChunk, EdgeTrace, edge_chunk
 from servogen.errors import InputError, Location
 from servogen.inputs import number_in
-from servogen.traces.channels import pins_of, step_clock
+from servogen.traces.channels import assign_pins, step_clock
 from servogen.traces.lines import first_lines, last_line, line_blocks
 from servogen.units import Cycles
 
@@ -82,7 +82,7 @@ def read_saleae(path: Path, wires: Mapping[str, str] | None = None) -> EdgeTrace
             "csv-syntax", "is not a digital CSV file of Saleae's", place, "expected: Time [s],Channel 0,…"
         )
     names = [(name.strip(), column) for column, name in enumerate(header) if column]
-    pins = pins_of(names, wires, place)
+    pins = assign_pins(names, wires, place)
     start, end = _nanoseconds(first, path, 2), _nanoseconds(last_line(path), path, None)
     clock = step_clock(Fraction(NANOSECONDS), place)
     return EdgeTrace(clock, _Rows(path, len(header), pins, start), Cycles(end - start + 1))

@@ -25,7 +25,7 @@ import numpy.typing as npt
 from servogen.edges import EdgeChunk, EdgeTrace, edge_chunk
 from servogen.errors import InputError, Location
 from servogen.inputs import open_input, size_text
-from servogen.traces.channels import pins_of, rate_of, step_clock
+from servogen.traces.channels import assign_pins, parse_rate, step_clock
 from servogen.units import Cycles, counted
 
 MAX_UNIT_BYTES = 8
@@ -143,7 +143,7 @@ def read_session(path: Path, wires: Mapping[str, str] | None = None) -> EdgeTrac
         raise InputError(
             "sigrok-syntax", "does not contain its samplerate", place, "capture with a samplerate set"
         )
-    rate = rate_of(stated, place)
+    rate = parse_rate(stated, place)
     unit = str(device.get("unitsize"))
     if not re.fullmatch(f"[1-{MAX_UNIT_BYTES}]", unit):
         raise InputError(
@@ -181,7 +181,7 @@ def read_session(path: Path, wires: Mapping[str, str] | None = None) -> EdgeTrac
     samples = unpacked // size
     if not samples:
         raise InputError("sigrok-syntax", "holds no samples of logic probes", place)
-    pins = pins_of(_probes(device, size), wires, place)
+    pins = assign_pins(_probes(device, size), wires, place)
     return EdgeTrace(step_clock(Fraction(rate), place), _Session(path, pieces, size, pins), Cycles(samples))
 
 

@@ -41,8 +41,8 @@ from servogen.edges import (
 from servogen.errors import InputError, Location
 from servogen.inputs import open_input, size_text
 from servogen.traces import rows
-from servogen.traces.channels import pins_of
-from servogen.traces.inputs import INPUT_PINS, NO_INPUTS, InputRows, Inputs, Rows, merged
+from servogen.traces.channels import assign_pins
+from servogen.traces.inputs import INPUT_PINS, NO_INPUTS, InputRows, Inputs, Rows, merge_inputs
 from servogen.traces.lines import TAIL_BYTES, ended, line_blocks
 from servogen.units import Clock, Cycles
 
@@ -177,7 +177,7 @@ class VcdWriter:
 
     def _add(self, inputs: Rows, edges: Rows) -> None:
         first = self._first
-        cycles, numbers = merged((inputs[0], inputs[1] + first), edges) if len(inputs[0]) else edges
+        cycles, numbers = merge_inputs((inputs[0], inputs[1] + first), edges) if len(inputs[0]) else edges
         if self._declaring:
             at_zero = int(np.searchsorted(cycles, 1))
             for number in numbers[:at_zero].tolist():
@@ -332,7 +332,7 @@ def read_header(path: Path, wires: Mapping[str, str] | None = None) -> VcdHeader
     line = 1 + text.count(b"\n", 0, end.end())
     return VcdHeader(
         step_s=step,
-        pins=pins_of(one_bit, wires, place),
+        pins=assign_pins(one_bit, wires, place),
         offset=end.end(),
         line=line,
         comments=tuple(comments),

@@ -101,7 +101,7 @@ def compared_frames(scheduled: Edges, expected: Expected, compared: int) -> rang
     return range(first, min(unfinished, max(after_last_edge, elapsed)))
 
 
-def joined(parts: Iterable[Coverage]) -> Coverage:
+def join_coverages(parts: Iterable[Coverage]) -> Coverage:
     """Return what several captures of one schedule show together."""
     first, *others = parts
     for other in others:

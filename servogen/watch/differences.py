@@ -63,14 +63,14 @@ class ScheduledEdges:
         """Return the time in the trace of a cycle of the schedule."""
         return round(self.origin + self.steps * cycle)
 
-    def frame_of(self, moment: int) -> int:
+    def frame_at(self, moment: int) -> int:
         """Return the number of the frame that a moment is in; negative before the first one."""
         return int((moment - self.origin) // (self.steps * self.schedule.period))
 
-    def begin_of(self, frame: int) -> int:
+    def frame_begin(self, frame: int) -> int:
         return self.at(frame * self.schedule.period)
 
-    def run_of(self, frame: int) -> Run:
+    def run_at(self, frame: int) -> Run:
         """Return the pulses of a frame."""
         lead_in, ends = self.schedule.lead_in, self._ends
         first = ends[len(lead_in) - 1] if lead_in else 0
@@ -84,10 +84,10 @@ class ScheduledEdges:
         edges: list[Edge] = []
         pins = self.pins.tolist()
         near = 1 if self.tolerance else 0  # rounding moves an edge out of its frame
-        frames = range(max(0, self.frame_of(begin) - near), self.frame_of(max(begin, end - 1)) + 1 + near)
+        frames = range(max(0, self.frame_at(begin) - near), self.frame_at(max(begin, end - 1)) + 1 + near)
         for frame in frames:
             start = frame * self.schedule.period
-            for pin, pulse in zip(pins, self.run_of(frame).pulses, strict=True):
+            for pin, pulse in zip(pins, self.run_at(frame).pulses, strict=True):
                 if pulse:
                     rise = start + pulse.rise
                     edges += [(self.at(rise), pin, HIGH), (self.at(rise + pulse.width), pin, LOW)]
@@ -99,13 +99,13 @@ def first_rise(schedule: PulseSchedule) -> int | None:
     """Return the cycle of the schedule's first edge, from the beginning of frame 0; None: it has no pulse."""
     unplaced = ScheduledEdges(schedule, 0)
     for frame in range(schedule.lead_in_frames + schedule.loop_frames):
-        rises = [pulse.rise for pulse in unplaced.run_of(frame).pulses if pulse]
+        rises = [pulse.rise for pulse in unplaced.run_at(frame).pulses if pulse]
         if rises:
             return frame * schedule.period + min(rises)
     return None
 
 
-def wanted_of(schedule: PulseSchedule, trace: EdgeTrace, beyond: int = 0) -> ScheduledEdges | None:
+def place_schedule(schedule: PulseSchedule, trace: EdgeTrace, beyond: int = 0) -> ScheduledEdges | None:
     """Return the schedule as it begins with the trace's first pulse; None where there is none."""
     pins = {PINS.index(channel.pin) + beyond for channel in schedule.channels}
     first = first_rise(schedule)

@@ -24,7 +24,7 @@ from servogen.outputs import write_text
 from servogen.pic.image import to_hex
 from servogen.plan_error import plan_text
 from servogen.toml.edit import append_element, move_element, remove_element, set_in_element
-from servogen.watch.motion import motion_of, pose_lines
+from servogen.watch.motion import motion_runs, pose_lines
 from servogen.watch.session import Message
 from servogen.watch.subject import Setting, Subject, job_subject
 from servogen.workflows.job_build import Build, build
@@ -200,7 +200,7 @@ def _good_text(job: PlannedJob) -> Message:
         }
         for table, pose, (line, lines) in zip(tables, job.poses, pose_lines(job), strict=True)
     ]
-    return {**_diagnostics_message((*job.warnings, *job.notes)), "poses": poses, "motion": motion_of(job)}
+    return {**_diagnostics_message((*job.warnings, *job.notes)), "poses": poses, "motion": motion_runs(job)}
 
 
 def _diagnostics_message(diagnostics: tuple[Diagnostic, ...]) -> Message:

@@ -81,7 +81,7 @@ class SerialListener:
                 self._start = None
 
 
-def clocks_of(edges: EdgeChunk, scl: int, sda: int) -> int | None:
+def byte_clocks(edges: EdgeChunk, scl: int, sda: int) -> int | None:
     """Return how many clocks an I²C bus's unfinished byte has had after `edges`; None if not known."""
     mine = np.flatnonzero(np.isin(edges.pin, (scl, sda)))
     mine = mine[np.lexsort((edges.pin[mine] != scl, edges.cycle[mine]))]

@@ -20,7 +20,7 @@ DIGITS = 4
 """The decimals of an angle in radians."""
 
 
-def motion_of(job: PlannedJob) -> Mapping[str, Any] | None:
+def motion_runs(job: PlannedJob) -> Mapping[str, Any] | None:
     """Return the frames of a job, equal ones counted together; None: too many differ, or nothing moves."""
     motion = job.trajectory
     if job.section is None or not len(motion.angles):
@@ -41,7 +41,7 @@ def motion_of(job: PlannedJob) -> Mapping[str, Any] | None:
     }
 
 
-def parts_of(job: PlannedJob) -> list[tuple[int, int]]:
+def pose_begins(job: PlannedJob) -> list[tuple[int, int]]:
     """Return (the number of a pose of [motion], from 0 on; the frame that it begins in), in order."""
     if not isinstance(job.section, MotionTable):
         return []

@@ -38,8 +38,8 @@ from servogen.template_files import template_folder
 from servogen.watch.debugging import Debugging
 from servogen.watch.editing import Editor
 from servogen.watch.live_line import LiveLine
-from servogen.watch.session import Message, WatchSession, repetition_of
-from servogen.watch.subject import Subject, theorem_of
+from servogen.watch.session import Message, WatchSession, find_repetition
+from servogen.watch.subject import Subject, proven_sentence
 
 LOOPBACK = "127.0.0.1"
 PICTURES_PER_S = 15
@@ -190,7 +190,7 @@ class Room:
 
     async def _find_theorem(self, subject: Subject) -> None:
         """Find out, while the subject is shown, what is proven of it."""
-        text = await asyncio.to_thread(theorem_of, subject)
+        text = await asyncio.to_thread(proven_sentence, subject)
         if text and subject is self._subject:
             self._theorem = {"is": "theorem", "text": text}
             for window in self.windows.values():
@@ -198,7 +198,7 @@ class Room:
 
     async def _learn(self, subject: Subject) -> None:
         """Find out, while the subject is shown, what it does again and again."""
-        repetition = await asyncio.to_thread(repetition_of, subject)
+        repetition = await asyncio.to_thread(find_repetition, subject)
         if subject is self._subject:
             self._repetition, self._learning = repetition, False
             for window in self.windows.values():

@@ -58,10 +58,10 @@ from servogen.simulator.layout import MCLR_PIN
 from servogen.simulator.observe import plain_assembly
 from servogen.simulator.sources import STIMULUS_PINS, pin_number
 from servogen.watch.differences import Edge, ScheduledEdges, differing
-from servogen.watch.listeners import BusListener, Said, SerialListener, clocks_of
+from servogen.watch.listeners import BusListener, Said, SerialListener, byte_clocks
 from servogen.watch.live_bodies import LiveBodies
 from servogen.watch.live_line import LiveLine
-from servogen.watch.motion import motion_of, parts_of
+from servogen.watch.motion import motion_runs, pose_begins
 from servogen.watch.recording import LatestEdges, Recording
 from servogen.watch.subject import Subject
 from servogen.workflows.verification import chip_warnings
@@ -225,9 +225,9 @@ class WatchSession:
             "bus": _bus(subject),
             "walk": _walk(subject),
             "marks": [_mark(remark) for remark in subject.remarks if remark.location],
-            "motion": motion_of(subject.stated) if subject.stated else None,
+            "motion": motion_runs(subject.stated) if subject.stated else None,
             "motion_begin": _motion_begin(subject),
-            "parts": parts_of(subject.job) if subject.job else [],
+            "parts": pose_begins(subject.job) if subject.job else [],
             "listening": self.listener.model if self.listener else None,
             "has_bodies": subject.job is not None and subject.job.robot is not None,
             "bodies": self.bodies.model() if self.bodies else None,
@@ -654,7 +654,9 @@ class WatchSession:
             reach = min(begin, int(self.place.reach))
             scl, sda = PINS.index(bus["scl"]), PINS.index(bus["sda"])
             clocks = (
-                self.chip.at(reach, _clocks) if self.chip else clocks_of(self.place.edges(0, reach), scl, sda)
+                self.chip.at(reach, _clocks)
+                if self.chip
+                else byte_clocks(self.place.edges(0, reach), scl, sda)
             )
             yield BusListener(scl, sda, clocks)
 
@@ -918,7 +920,7 @@ def _loop(subject: Subject) -> int | None:
     return int(schedule.loop_frames * schedule.period)
 
 
-def repetition_of(subject: Subject) -> Repetition | None:
+def find_repetition(subject: Subject) -> Repetition | None:
     """Return the loop of states that the subject's program falls into after power-up; None: not known.
 
     Without it the first jump to a far moment takes a few seconds.

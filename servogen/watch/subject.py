@@ -38,8 +38,15 @@ from servogen.traces.captures import Capture, is_capture, read_capture
 from servogen.traces.formats import read_edges
 from servogen.units import Clock, Cycles
 from servogen.verify.capture.check import split
-from servogen.watch.differences import ScheduledEdges, differences, differing, first_rise, spans, wanted_of
-from servogen.workflows.certificates import beside, kept
+from servogen.watch.differences import (
+    ScheduledEdges,
+    differences,
+    differing,
+    first_rise,
+    place_schedule,
+    spans,
+)
+from servogen.workflows.certificates import beside, find_verdict
 from servogen.workflows.engines import planned
 from servogen.workflows.pair import planned_pair
 from servogen.workflows.verification import judge_capture
@@ -284,7 +291,7 @@ def _pair_subject(path: Path, job: PlannedJob, setting: Setting, progress: Calla
     return _beside_schedule(subject, progress)
 
 
-def theorem_of(subject: Subject) -> str:
+def proven_sentence(subject: Subject) -> str:
     """Return what is proven of a program that is compared with its schedule, as `servogen build` says it; of
     two chips, what is proven of the one that is shown.
     """
@@ -294,7 +301,7 @@ def theorem_of(subject: Subject) -> str:
     if subject.job is not None and built.suffix.lower() == JOB_SUFFIX:
         folder = PAIR_FOLDERS[subject.shown] if subject.pair is not None else ""
         built = Path("build") / subject.job.name / folder / "main.hex"
-    sentence = kept([beside(built)], subject.image, subject.schedule).sentence
+    sentence = find_verdict([beside(built)], subject.image, subject.schedule).sentence
     if subject.pair is None or not sentence:
         return sentence
     return "; ".join([f"chip {1 + subject.shown}: {sentence}", *equal_rates(subject.pair.schedules[1])])
@@ -369,10 +376,10 @@ def _beside_schedule(subject: Subject, progress: Callable[[str], None]) -> Subje
     chips = (
         [(schedule, 0)] if pair is None else [(each, pair.beyond(n)) for n, each in enumerate(pair.schedules)]
     )
-    found = [wanted for each, beyond in chips if (wanted := wanted_of(each, trace, beyond)) is not None]
+    found = [wanted for each, beyond in chips if (wanted := place_schedule(each, trace, beyond)) is not None]
     if len(found) < len(chips):
         return subject
-    last = min(end, trace.end, found[0].begin_of(frames))
+    last = min(end, trace.end, found[0].frame_begin(frames))
     edges = sorted(edge for wanted in found for edge in differences(wanted, trace, last))
     return _with_differences(replace(subject, wanted=tuple(found)), edges)
 

@@ -213,7 +213,7 @@ def _parts_text(shares: Shares) -> str:
     return "; ".join(texts)
 
 
-def advised(
+def with_advice(
     job: PlannedJob,
     error: ServogenError,
     progress: Progress = lambda step: None,

@@ -34,7 +34,7 @@ from servogen.bench.analysers.recording import (
 )
 from servogen.bench.analysers.sigrok import SigrokLook, sigrok_wires
 from servogen.bench.analysers.sigrok import capture as sigrok_capture
-from servogen.bench.analysers.sump import WIDE_BITS, WORD_BITS, channel_of, wires
+from servogen.bench.analysers.sump import WIDE_BITS, WORD_BITS, wired_channel, wires
 from servogen.bench.analysers.sump_client import (
     BAUD,
     AnalyserDescription,
@@ -185,9 +185,9 @@ def capture(
     Raises InputError for a request that would show nothing, ToolError if the analyser fails; the data that it
     sent until then are kept beside `output`.
     """
-    wanted, pair = wanted_of(schedule, seconds), second is not None
+    wanted, pair = capture_needs(schedule, seconds), second is not None
     if second is not None:
-        wanted = wanted.beside(wanted_of(second, seconds))
+        wanted = wanted.beside(capture_needs(second, seconds))
     if schedule is not None:
         check_rate(looking.rate)
     check_name(output)
@@ -197,7 +197,7 @@ def capture(
     pin = looking.trigger or first
     channel = looking.trigger_channel
     if channel is None and looking.triggered:
-        channel = channel_of(pin, wired, pair)
+        channel = wired_channel(pin, wired, pair)
     with open_port(port, BAUD) as line:
         device = identify(line)
         several = looking.stitch and schedule is not None and not pair
@@ -237,7 +237,7 @@ def capture_by_sigrok(
     """
     if schedule is not None:
         check_rate(looking.rate)
-    wanted = wanted_of(schedule, seconds)
+    wanted = capture_needs(schedule, seconds)
     longest_s = (wanted.frames + 2) * wanted.period_s * (1 + MAX_DRIFT)
     counts_equal_samples = looking.rle and driver.partition(":")[0] == SUMP_DRIVER
     look = SigrokLook(
@@ -317,7 +317,7 @@ def _look(
         return sump_capture(line, look, completed, armed)
 
 
-def wanted_of(schedule: PulseSchedule | None, seconds: float | None) -> CaptureNeeds:
+def capture_needs(schedule: PulseSchedule | None, seconds: float | None) -> CaptureNeeds:
     """Return what is to be captured: by default the whole loop of the schedule, and a lead-in before it."""
     if schedule is None:
         frames = ceil(_exact(seconds or SECONDS) / TYPICAL_PERIOD_S)

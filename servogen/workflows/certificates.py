@@ -85,7 +85,7 @@ def second_witness(
     try:
         claim = read_certificate(packed, "the certificate")
         held = claim.held if allow_held else ()
-        checked = check_certificate(claim, image, text, "schedule.json", held, tape=tape_of(schedule))
+        checked = check_certificate(claim, image, text, "schedule.json", held, tape=tape_content(schedule))
     except InputError as error:
         return Witnessed(not_covered=f"it: {error.first.message}")
     except NotCovered as error:
@@ -153,7 +153,7 @@ def prove_program(
     return CertificateVerdict(witness.text, witness.checked is not None), proof, witness
 
 
-def proved(file: Path, image: Image, schedule: PulseSchedule) -> CertificateVerdict:
+def prove_unless_kept(file: Path, image: Image, schedule: PulseSchedule) -> CertificateVerdict:
     """Return the verdict on a program: by the certificate that is kept of it, or else by proving it. The
     certificate is then also in `file`.
 
@@ -179,12 +179,12 @@ def beside(program: Path) -> Path:
     return program.with_name(f"{program.name.removesuffix('.hex')}{SUFFIX}")
 
 
-def tape_of(schedule: PulseSchedule) -> bytes:
+def tape_content(schedule: PulseSchedule) -> bytes:
     """Return the content of a schedule's tape; none without one."""
     return schedule.tape.content if schedule.tape else b""
 
 
-def cached(image: Image, text: bytes, tape: bytes = b"") -> Path | None:
+def cache_path(image: Image, text: bytes, tape: bytes = b"") -> Path | None:
     """Return the path in the user's cache for the certificate of a program, a schedule's text and its tape;
     None if the user has no home folder.
     """
@@ -198,14 +198,14 @@ def cached(image: Image, text: bytes, tape: bytes = b"") -> Path | None:
 
 def keep(witness: Witnessed, image: Image, text: bytes, schedule: PulseSchedule) -> None:
     """Keep a checked certificate in the user's cache, where `build` finds it; a cache may be read-only."""
-    path = cached(image, text, tape_of(schedule))
+    path = cache_path(image, text, tape_content(schedule))
     if witness.checked is not None and path is not None:
         with suppress(OSError, ToolError, InputError):
             path.parent.mkdir(parents=True, exist_ok=True)
             write_bytes(path, witness.certificate)
 
 
-def kept(files: Iterable[Path], image: Image, schedule: PulseSchedule) -> CertificateVerdict:
+def find_verdict(files: Iterable[Path], image: Image, schedule: PulseSchedule) -> CertificateVerdict:
     """Return the checker's verdict on the first of `files`, or in the cache, that is a certificate of exactly
     this program, schedule and tape.
     """
@@ -215,10 +215,10 @@ def kept(files: Iterable[Path], image: Image, schedule: PulseSchedule) -> Certif
 def _find_certificate(
     files: Iterable[Path], image: Image, schedule: PulseSchedule
 ) -> tuple[Path | None, CertificateVerdict]:
-    text, tape = schedule.json_text().encode(), tape_of(schedule)
+    text, tape = schedule.json_text().encode(), tape_content(schedule)
     digest = hashlib.sha256(tape).hexdigest() if schedule.tape else ""
     own = fingerprint(image), hashlib.sha256(text).hexdigest(), digest
-    cache = cached(image, text, tape)
+    cache = cache_path(image, text, tape)
     for file in (*files, *([] if cache is None else [cache])):
         with suppress(InputError):  # a broken file is none
             claim = _claim(file) if file.is_file() else None
@@ -227,7 +227,7 @@ def _find_certificate(
     return None, CertificateVerdict("not proven yet", False, missing=True)
 
 
-def checked(file: Path, image: Image, schedule: PulseSchedule) -> CertificateVerdict:
+def check_file(file: Path, image: Image, schedule: PulseSchedule) -> CertificateVerdict:
     """Return the checker's verdict on a certificate, if it exists. Raises InputError if it is malformed."""
     if not file.exists():
         return CertificateVerdict("no certificate", False, missing=True)
@@ -241,7 +241,7 @@ def _claim(file: Path) -> Certificate:
 def _check(claim: Certificate, image: Image, schedule: PulseSchedule) -> CertificateVerdict:
     text = schedule.json_text().encode()
     try:
-        result = check_certificate(claim, image, text, "schedule.json", tape=tape_of(schedule))
+        result = check_certificate(claim, image, text, "schedule.json", tape=tape_content(schedule))
     except Refused as refused:
         return CertificateVerdict(f"refused: {refused}", False)
     # The held line of a stream is part of the theorem: the schedule says nothing of other levels.

@@ -15,7 +15,7 @@ from servogen.engines.firmware import Firmware, ResourceError
 from servogen.engines.registry import engine_named, suitable
 from servogen.errors import Diagnostic, InputError
 from servogen.job import PlannedJob
-from servogen.job.chips import part_of
+from servogen.job.chips import motion_part
 from servogen.motion import JointTrajectory
 from servogen.plan_error import DECIMALS
 from servogen.programs import PAIR_FOLDERS
@@ -100,7 +100,7 @@ def chip_jobs(job: PlannedJob) -> tuple[PlannedJob, PlannedJob]:
                 chips=(),
                 servos=tuple(servo for servo in job.servos if servo.name in chip.servos),
                 bindings=tuple(binding for binding in job.bindings if binding.servo in chip.servos),
-                trajectory=part_of(job.trajectory, chip.servos),
+                trajectory=motion_part(job.trajectory, chip.servos),
                 inputs=(chip.wire,),
                 followers=(),
                 # Of the whole robot: no chip moves it alone.

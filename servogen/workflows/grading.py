@@ -43,7 +43,7 @@ from servogen.grade import (
     shown_name,
     visible,
 )
-from servogen.grade.film import Film, FilmSource, film_of, lines_around
+from servogen.grade.film import Film, FilmSource, lines_around, make_film
 from servogen.grade.watch import Watched, watch
 from servogen.isolation import COMPILING, LimitExceeded, Resource, WorkLimits, can_fork, run_each
 from servogen.pic.device import PROGRAM_WORDS
@@ -325,7 +325,7 @@ def _film(lab: Lab, program: Runnable, watched: Watched, grade: Grade) -> Film:
         at if at is not None else min(int(watched.pins[p].rise[0]) for p in pins if p in watched.pins)
     )
     source = _source(program.listing, running.pc, running.state().stack[: running.state().stack_depth])
-    return film_of(watched, pins, 0 if at == watched.end else at, source)
+    return make_film(watched, pins, 0 if at == watched.end else at, source)
 
 
 def _source(listing: Listing | None, pc: int, returns: Sequence[int]) -> FilmSource | None:

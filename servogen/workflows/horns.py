@@ -87,7 +87,7 @@ class Horn:
         }
 
 
-def horns_of(planned: PlannedJob, job: Job | None = None) -> tuple[Horn, ...]:
+def job_horns(planned: PlannedJob, job: Job | None = None) -> tuple[Horn, ...]:
     """Return the horns of the servos that turn joints; the servos' travels are those of `job`."""
     servos = {servo.name: servo for servo in (job or planned).servos}
     columns = [servo.name for servo in planned.servos]
@@ -110,17 +110,17 @@ def horns_of(planned: PlannedJob, job: Job | None = None) -> tuple[Horn, ...]:
     return tuple(found)
 
 
-def centred(job: Job) -> tuple[tuple[Horn, ...], PlannedJob]:
+def centre_horns(job: Job) -> tuple[tuple[Horn, ...], PlannedJob]:
     """Return the horns of a job, and the job planned with each of them on the tooth that centres it best.
 
     A job whose servos cannot go far enough is first planned as if they could. Raises the job's own error if
     something else is wrong with it, or if centred horns do not help.
     """
     try:
-        horns = horns_of(plan_job(job))
+        horns = job_horns(plan_job(job))
     except ServogenError as error:
         try:
-            horns = horns_of(plan_job(changed(job, dict(_widest_limits(job)))), job)
+            horns = job_horns(plan_job(changed(job, dict(_widest_limits(job)))), job)
         except ServogenError:
             raise error from None
         if between := [horn for horn in horns if horn.between]:
@@ -156,7 +156,7 @@ def rewritten(text: str, values: Mapping[Key, float]) -> str:
     return text
 
 
-def advised(error: ServogenError, horns: tuple[Horn, ...]) -> ServogenError:
+def with_horn_advice(error: ServogenError, horns: tuple[Horn, ...]) -> ServogenError:
     """Return the error of a job that its horns alone make impossible, with what to change."""
 
     def zeros(horn: Horn) -> str:

@@ -181,7 +181,7 @@ def cleaned(name: str) -> str:
 
 def poses_text(motion: RecordedMotion, job: Job, tolerance_us: float) -> list[str]:
     """Return the poses of a recording of the job's servos as elements of TOML, within the tolerance."""
-    angles = frames_of(motion, job)
+    angles = frame_angles(motion, job)
     trajectory = JointTrajectory(
         joints=motion.names, clock=job.clock, period=job.frame.period.cycles, angles=angles, loop_start=0
     )
@@ -231,7 +231,7 @@ def _seconds(time: Fraction) -> str:
     return f"{float(time):.9g}"
 
 
-def frames_of(motion: RecordedMotion, job: Job) -> Floats:
+def frame_angles(motion: RecordedMotion, job: Job) -> Floats:
     """Return the angles (frames, servos) of a recording of the job's servos, once in each period.
 
     Raises InputError for more than MAX_FRAMES.

@@ -31,7 +31,7 @@ from servogen.simulator.stimulus import file_inputs
 from servogen.traces import write_edges
 from servogen.units import Cycles
 from servogen.verify import Verdict
-from servogen.workflows.advice import advised
+from servogen.workflows.advice import with_advice
 from servogen.workflows.engines import planned
 from servogen.workflows.verification import LOOPS_CHECKED, checked_cycles, judge_run
 
@@ -167,7 +167,7 @@ def build(job: PlannedJob, progress: Progress = lambda step: None) -> Build:
     try:
         return build_alone(job, progress)
     except (InputError, ResourceError) as error:
-        raise advised(job, error, progress) from None
+        raise with_advice(job, error, progress) from None
 
 
 def build_alone(job: PlannedJob, progress: Progress) -> Build:

@@ -90,7 +90,9 @@ def jitter(rule: WireRule, period: Cycles) -> tuple[Fraction, Fraction]:
     return -drifted, POLL_CYCLES + drifted
 
 
-def runs_of(schedules: Pair, images: tuple[Image, Image], rule: WireRule, limit: Cycles) -> Iterator[OwnRun]:
+def limit_runs(
+    schedules: Pair, images: tuple[Image, Image], rule: WireRule, limit: Cycles
+) -> Iterator[OwnRun]:
     """Yield runs at both limits of the crystals and at equal frequencies, at each of `PHASES`."""
     fastest = 1 + drift(rule.crystal_ppm)
 

@@ -30,10 +30,10 @@ from servogen.pulse.schedule import WireRule
 from servogen.report.pair import PairFacts, crystals_text, pair_page, restart_text
 from servogen.units import Cycles
 from servogen.verify import Verdict, verdict_lines
-from servogen.workflows.advice import advised
+from servogen.workflows.advice import with_advice
 from servogen.workflows.engines import PlayedJob, chip_jobs, planned
 from servogen.workflows.job_build import Build, build_alone, write
-from servogen.workflows.own_crystals import Jitter, jitter, runs_of
+from servogen.workflows.own_crystals import Jitter, jitter, limit_runs
 from servogen.workflows.pair_proof import PairProof, prove_pair
 from servogen.workflows.verification import checked_cycles, judge_edges
 
@@ -208,7 +208,7 @@ def build_pair(job: PlannedJob, progress: Callable[[str], None] = lambda step: N
     try:
         first, second = (build_alone(each, progress) for each in chip_jobs(job))
     except (InputError, ResourceError) as error:
-        raise advised(job, error, progress) from None
+        raise with_advice(job, error, progress) from None
     schedules = first.plan.schedule, second.plan.schedule
     _same_frame(job, *schedules)
     leads, follows = _images(first), _images(second)
@@ -244,7 +244,7 @@ def _judge_own_crystals(
 ) -> PairVerdict:
     """Run two chips with a crystal each, at several frequencies, and return the verdict on all runs."""
     verdict, runs, late = None, 0, list[float]()
-    for run in runs_of(schedules, images, rule, limit):
+    for run in limit_runs(schedules, images, rule, limit):
         runs, late = runs + 1, [*late, *run.late]
         if verdict is None or verdict.exact:
             verdict = judge_traces(schedules, run.traces)
@@ -274,7 +274,7 @@ def judge_traces(
     return PairVerdict((leads, follows), apart)
 
 
-def read_pair_of(
+def read_job_pair(
     job: PlannedJob, folder: Path
 ) -> tuple[tuple[PulseSchedule, PulseSchedule], tuple[Image, Image]]:
     """Return the schedules and images in a folder that was built from `job`. Raises InputError."""

@@ -25,7 +25,7 @@ from servogen.twin.pictures import page_facts
 from servogen.verify import CaptureVerdict
 from servogen.verify.capture.check import split
 from servogen.workflows.certificates import beside as certificate_of
-from servogen.workflows.certificates import kept
+from servogen.workflows.certificates import find_verdict
 from servogen.workflows.engines import with_end_error
 from servogen.workflows.job_build import Build, Progress, build, hex_name, program_facts
 from servogen.workflows.twinning import twin_of_build
@@ -56,7 +56,7 @@ class ReportPage:
         }
 
 
-def page_of(
+def build_page(
     job: PlannedJob,
     capture: Path | None = None,
     progress: Progress = lambda step: None,
@@ -110,7 +110,7 @@ def _theorem(result: Build) -> str:
     if not own.exact:
         return ""
     file = Path("build") / result.job.name / hex_name(result, own)
-    verdict = kept([certificate_of(file)], own.image, result.plan.schedule)
+    verdict = find_verdict([certificate_of(file)], own.image, result.plan.schedule)
     return f"one run: exact; {verdict.sentence}"
 
 

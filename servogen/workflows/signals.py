@@ -22,7 +22,7 @@ from servogen.simulator import Machine, SimulatorOptions, load_stimuli
 from servogen.traces import SUFFIXES
 from servogen.traces.captures import SUFFIXES as CAPTURE_SUFFIXES
 from servogen.traces.captures import read_recording
-from servogen.traces.channels import wires_of
+from servogen.traces.channels import parse_wires
 from servogen.units import Cycles
 from servogen.verify import Measurement, PinMeasurement
 from servogen.workflows.job_program import read_program
@@ -105,7 +105,7 @@ def program_for(schedule: PulseSchedule, file: Path, device: str, read: Read = r
 
 def wires_for(file: Path, texts: Sequence[str] | None) -> dict[str, str] | None:
     """Return the pins of a recording's channels. Raises InputError if channels of a program are named."""
-    wires = wires_of(texts or ())
+    wires = parse_wires(texts or ())
     if wires and is_program(file):
         raise InputError(
             "conflicting-options", "only a recording has wires", Location(str(file), key="--wire")

@@ -16,7 +16,7 @@ from servogen.simulator import Stimuli
 from servogen.twin import TwinSettings, TwinVerdict, planned_of, simulate, verdict_of
 from servogen.workflows.engines import PlayedJob, planned
 from servogen.workflows.job_build import Build, Progress
-from servogen.workflows.pair import planned_pair, read_pair_of
+from servogen.workflows.pair import planned_pair, read_job_pair
 
 
 def twin_of(
@@ -47,7 +47,7 @@ def _twin_of_pair(
     if stimuli is not None:
         message = "two chips read nothing that --stimulus could change"
         raise InputError("chip-pair", message, job.document.place("chip"))
-    given = None if folder is None else read_pair_of(job, folder)[1]
+    given = None if folder is None else read_job_pair(job, folder)[1]
     pair = planned_pair(job)
     progress("compiling")
     images = given or pair.images()

@@ -209,7 +209,7 @@ def judge_run(
     if stored:
         edges = edges.stored()
     verdict = judge_edges(schedule, edges, span)
-    warnings = chip_warnings(machine, end_of(verdict), listing)
+    warnings = chip_warnings(machine, compared_end(verdict), listing)
     return JudgedRun(verdict.with_warnings(warnings, CHIP_DEPENDENT), machine, edges)
 
 
@@ -259,12 +259,12 @@ def _reads_eeprom(image: Image) -> bool:
     )
 
 
-def end_of(verdict: Verdict) -> Cycles | None:
+def compared_end(verdict: Verdict) -> Cycles | None:
     """Return the cycle since reset up to which a verdict compared; None if no scheduled pin rises."""
     return None if verdict.start is None else Cycles(verdict.start + verdict.span.compared)
 
 
-def cycle_of(warning: Diagnostic) -> int:
+def warning_cycle(warning: Diagnostic) -> int:
     """Return the cycle since reset that a warning is about."""
     return (warning.location.cycle if warning.location else None) or 0
 
@@ -276,7 +276,7 @@ def chip_warnings(
     rows = {row.address: row for row in listing.rows} if listing else {}
     warnings = []
     for warning in machine.state().warnings:
-        if end is not None and cycle_of(warning) >= end:
+        if end is not None and warning_cycle(warning) >= end:
             continue
         where = warning.location or Location()
         row = rows.get(where.address) if where.address is not None else None

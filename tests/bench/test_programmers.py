@@ -10,11 +10,11 @@ from intelhex import IntelHex
 
 from servogen.bench.programmers.flash import (
     Differs,
-    command_of,
+    is_protected,
     judge,
     last_lines,
     objections,
-    protected,
+    programming_command,
     read_eeprom,
     remarks,
 )
@@ -208,8 +208,8 @@ def test_a_chip_without_an_identity_and_code_protection_are_remarked() -> None:
     assert codes(remarks(open_, f84)) == ["no-device-id"]
     assert codes(remarks(closed, f84)) == ["no-device-id", "code-protected"]
     for bit in range(14):
-        assert protected(replace(open_, config=0x3FF1 & ~(1 << bit)), f84a) == (bit >= 4), bit
-    assert not protected(replace(open_, config=None), f84a)
+        assert is_protected(replace(open_, config=0x3FF1 & ~(1 << bit)), f84a) == (bit >= 4), bit
+    assert not is_protected(replace(open_, config=None), f84a)
 
 
 def test_what_a_programmer_cannot_do_is_refused_before_it_is_started() -> None:
@@ -217,8 +217,8 @@ def test_what_a_programmer_cannot_do_is_refused_before_it_is_started() -> None:
     request = ProgrammingRequest(Path("main.hex"), device("PIC16F84A"), None)
     for name in ("picpro", "picprog"):
         with pytest.raises(InputError, match=f"{name} needs the programmer's port"):
-            command_of(installed[name], request)
-    assert command_of(installed["pk2cmd"], request)[:2] == ("true", "-PPIC16F84A")
+            programming_command(installed[name], request)
+    assert programming_command(installed["pk2cmd"], request)[:2] == ("true", "-PPIC16F84A")
     with pytest.raises(InputError, match="with ipecmd is not supported"):
         read_eeprom(installed["ipecmd"], request, IMAGE)
     with pytest.raises(InputError, match="the chip is code protected"):

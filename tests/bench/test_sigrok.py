@@ -13,13 +13,13 @@ import pytest
 import serial
 
 from servogen.bench.analysers import sigrok as sigrok_module
-from servogen.bench.analysers.sigrok import SigrokLook, c_compiler, capture, command_of, modem_lines_library
+from servogen.bench.analysers.sigrok import SigrokLook, c_compiler, capture, modem_lines_library, sigrok_args
 from servogen.bench.virtual.analyser import AnalyserOptions, VirtualAnalyser
 from servogen.bench.virtual.chip import VirtualChip
 from servogen.errors import InputError, Location, ToolError
 from servogen.pic.image import Image
 from servogen.traces.captures import read_capture
-from servogen.traces.channels import rate_of
+from servogen.traces.channels import parse_rate
 from servogen.units import Clock
 from tests.bench.conftest import LAB8, Run, Serve
 from tests.cli.conftest import wrong
@@ -183,7 +183,7 @@ def test_a_session_has_its_own_suffix_in_whatever_capitals(
 
 def test_the_command_names_the_channels_by_their_pins() -> None:
     look = SigrokLook("fx2lafw", 1_000_000, 2_000_000, (("D0", "RB0"), ("D1", "RA2")))
-    assert " ".join(command_of(look, Path("run.sr"))) == (
+    assert " ".join(sigrok_args(look, Path("run.sr"))) == (
         "sigrok-cli -d fx2lafw --config samplerate=1000000 --channels D0=RB0,D1=RA2 "
         "--samples 2000000 -o run.sr"
     )
@@ -350,5 +350,5 @@ def test_a_session_is_read_or_refused_as_sigrok_cli_does(tmp_path: Path, rate: s
         with pytest.raises(InputError, match="is not understood"):
             read_capture(path)
     else:
-        hertz = rate_of(line.partition("Samplerate: ")[2], Location("sigrok-cli"))
+        hertz = parse_rate(line.partition("Samplerate: ")[2], Location("sigrok-cli"))
         assert read_capture(path).trace.clock.cycles_per_second == hertz

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from servogen.bench.analysers import sump
-from servogen.bench.analysers.sump import channel_of, wires
+from servogen.bench.analysers.sump import wired_channel, wires
 from servogen.bench.analysers.sump_client import SampleRequest, capture
 from servogen.bench.ports import Port
 from servogen.edges import PINS
@@ -22,7 +22,7 @@ RUNS = st.lists(st.tuples(st.integers(0, 0x7F), LENGTHS), min_size=1, max_size=1
 def runs(pieces: list[tuple[int, int]]) -> sump.Runs:
     lengths = [length for _, length in pieces]
     start = np.concatenate(([0], np.cumsum(lengths)[:-1])).astype(np.int64)
-    return sump.merged(np.array([value for value, _ in pieces], dtype=np.uint32), start, sum(lengths))
+    return sump.merge_runs(np.array([value for value, _ in pieces], dtype=np.uint32), start, sum(lengths))
 
 
 @given(RUNS, st.sampled_from([8, 16, 24, 32]))
@@ -47,7 +47,7 @@ def test_a_torn_word_is_left_out() -> None:
 
 def test_a_pin_without_a_channel_is_refused() -> None:
     with pytest.raises(InputError, match="no channel of the analyser is wired to RB1"):
-        channel_of("RB1", wires(["0=RB0"]))
+        wired_channel("RB1", wires(["0=RB0"]))
 
 
 def test_the_commands_are_those_of_the_protocol() -> None:
@@ -86,7 +86,7 @@ def test_the_progress_of_a_capture_is_in_words_and_ends_with_all_of_them() -> No
 def test_two_chips_have_32_channels_of_which_the_second_ones_begin_at_16() -> None:
     wired = wires([], pair=True)
     assert {wired[channel] + 16 for channel in range(13)} == {wired[16 + channel] for channel in range(13)}
-    assert channel_of("2.RB0", wired, pair=True) == 16 and channel_of("1.RB0", wired, pair=True) == 0
+    assert wired_channel("2.RB0", wired, pair=True) == 16 and wired_channel("1.RB0", wired, pair=True) == 0
     assert wires(["30=2.RA4"], pair=True) == {30: 16 + PINS.index("RA4")}
     for text, pair in (("31=1.RB0", True), ("0=RB0", True), ("0=2.RB0", False), ("15=RB0", False)):
         with pytest.raises(InputError):

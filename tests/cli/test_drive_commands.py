@@ -69,8 +69,8 @@ def driven(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     monkeypatch.setattr(Session, "interrupted", False)
     real_link, real_controller, real_course = (
         serial_link.SerialLink,
-        controller.controller_of,
-        request.course_of,
+        controller.job_controller,
+        request.plan_course,
     )
 
     def link(opener: Any, speed: int, time: Any, patience: float) -> Any:
@@ -181,7 +181,7 @@ def test_the_state_is_shown_after_each_command_but_not_as_json(
     """On standard error, so that a pipe has the bytes alone."""
     commands: list[str] = []
     changes: list[dict[str, Any]] = []
-    made = request.course_of
+    made = request.plan_course
     stand_in(monkeypatch, request, "course_of", lambda *given: replace(made(*given), **changes[-1]))
     for state in ((lambda: "now"), None):
         changes.append({"state": state, "on_command": commands.append})
@@ -449,5 +449,5 @@ def test_a_job_that_cannot_use_its_calibration_is_exit_code_1(
 
 def test_the_widths_of_a_stream_job_are_its_own() -> None:
     text = LAB8.read_text().split("[motion]")[0] + "[stream]\nbaud = 1200\n"
-    speed, found = controller.controller_of(loads(text, "a.toml"), None, None, 0)
+    speed, found = controller.job_controller(loads(text, "a.toml"), None, None, 0)
     assert (speed, len(found.channels)) == (1200, 1)

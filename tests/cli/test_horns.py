@@ -11,7 +11,7 @@ import pytest
 from servogen.errors import ServogenError
 from servogen.job import load, loads, plan_job
 from servogen.job.starter import starter
-from servogen.workflows.horns import centred, edits, horns_of, rewritten
+from servogen.workflows.horns import centre_horns, edits, job_horns, rewritten
 from tests.cli.conftest import Run
 
 ARM = """\
@@ -87,7 +87,7 @@ def test_fit_writes_the_zeros_and_keeps_all_else(run: Run, file: Path) -> None:
     asked.insert(asked.index("# not measured"), "zero_deg = …")
     assert kept == asked
     planned = plan_job(load(file))
-    for horn in horns_of(planned):
+    for horn in job_horns(planned):
         assert sum(horn.used) == pytest.approx(math.pi, abs=math.tau / 25)  # nearer to 90° than half a tooth
     before = made
     file.write_text(JOB, "utf-8")
@@ -115,11 +115,11 @@ def test_a_horn_goes_on_in_the_steps_of_its_own_spline(file: Path) -> None:
     """Of 8 teeth, 45° apart, none comes nearer to 90 than 80; a motion of 170° needs 85 to 95."""
     ten = JOB.replace("zero_deg = 170 # a guess", "zero_deg = 170\nspline_teeth = 8")
     ten = ten.replace('"q2"', '"q2"\nzero_deg = 50')
-    horns, _ = centred(loads(ten, str(file)))
+    horns, _ = centre_horns(loads(ten, str(file)))
     assert [math.degrees(horns[0].zero + horns[0].turn), horns[0].steps] == [pytest.approx(80), -2]
     wide = ten.replace("[0, 150, 100]", "[-100, 10, 100]").replace("[100, 120, 40]", "[100, 10, 100]")
     with pytest.raises(ServogenError) as refused:
-        centred(loads(wide, str(file)))
+        centre_horns(loads(wide, str(file)))
     assert (
         "base needs zero_deg" in (refused.value.first.hint or "")
         and "of 8 is at 80" in refused.value.first.hint
@@ -138,23 +138,23 @@ def test_limits_turn_with_the_horn_and_commanded_angles_hold_it(file: Path) -> N
     zero = "zero_deg = 110\nmin_deg = 60\nmax_deg = 175"
     limited = JOB.replace("zero_deg = 170 # a guess", zero).replace('"q2"', '"q2"\nzero_deg = 50')
     job = loads(limited, str(file))
-    values = edits(job, horns_of(plan_job(job)))
+    values = edits(job, job_horns(plan_job(job)))
     assert [values["servo", 0, key] for key in ("zero_deg", "min_deg", "max_deg")] == pytest.approx(
         [110 - 14.4, 60 - 14.4, 175 - 14.4]
     )
     first = "{ base_deg = 100, shoulder_deg = 90, elbow_deg = 90 }"
-    held = horns_of(plan_job(loads(limited.replace("poses = [", f"poses = [{first}, "), str(file))))[0]
+    held = job_horns(plan_job(loads(limited.replace("poses = [", f"poses = [{first}, "), str(file))))[0]
     assert held.fixed and held.turn == 0
 
 
 def test_a_servo_that_turns_on_and_on_has_no_horn_to_turn() -> None:
-    assert horns_of(plan_job(load(Path(__file__).parents[2] / "jobs/omni-square.toml"))) == ()
+    assert job_horns(plan_job(load(Path(__file__).parents[2] / "jobs/omni-square.toml"))) == ()
 
 
 def test_what_no_horn_can_mend_keeps_its_error(run: Run, file: Path) -> None:
     far = JOB.replace("[-100, 120, 40]", "[-500, 120, 40]")
     with pytest.raises(ServogenError, match="cannot be reached"):
-        centred(loads(far, str(file)))
+        centre_horns(loads(far, str(file)))
     file.write_text(far, "utf-8")
     ran = run("plan", str(file), "--fit")
     assert ran.code == 2 and "horns" not in ran.err and file.read_text("utf-8") == far

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from servogen.cli.calibrate_command import angle_question
-from servogen.drive.controller import ControllerChannel, ServoController, controller_of
+from servogen.drive.controller import ControllerChannel, ServoController, job_controller
 from servogen.drive.serial_link import SerialLink
 from servogen.drive.sweep import Sweep, ask_from, positions, sweep_readings
 from servogen.errors import InputError
@@ -254,7 +254,7 @@ def test_the_usual_tolerance_is_5_degrees_and_of_a_wheel_20_degrees_per_second(
 def test_a_sweep_goes_by_small_steps() -> None:
     job = plan_job(loads(LAB8.read_text(), "job.toml"))
     robot = Robot(9600)
-    _, controller = controller_of(job, 9600, "500,2500", 0)
+    _, controller = job_controller(job, 9600, "500,2500", 0)
     channel = controller.channels[0]
     with SerialLink(robot.open, 9600, robot.time(), 0) as line:
         sweep = Sweep(controller, 0, line, robot.time(), 127)
@@ -306,7 +306,7 @@ def test_angles_that_were_seen_before_must_be_as_many_as_the_points() -> None:
 def sweep_of_lab8() -> tuple[Robot, ServoController, tuple[int, ...]]:
     """A robot, its controller, and three stops over the servo's range."""
     job = plan_job(loads(LAB8.read_text(), "job.toml"))
-    _, controller = controller_of(job, 9600, "500,2500", 0)
+    _, controller = job_controller(job, 9600, "500,2500", 0)
     return Robot(9600), controller, positions(controller.channels[0], None, None, 3)
 
 

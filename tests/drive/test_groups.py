@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from servogen.drive.controller import controller_of
+from servogen.drive.controller import job_controller
 from servogen.drive.motions import AngleFunction, Limited, Still
 from servogen.drive.serial_link import SerialLink
 from servogen.drive.session import DriveSession
@@ -35,7 +35,7 @@ def stream(count: int, silence_s: float = 1.0) -> PlannedJob:
 def driven(
     job: PlannedJob, motion: AngleFunction, robot: Robot, stop: Floats | None = None, arrive_s: float = 1.0
 ) -> DriveSession:
-    baud, controller = controller_of(job, None, None, 0)
+    baud, controller = job_controller(job, None, None, 0)
     with SerialLink(robot.open, baud, robot.time(), 10.0) as line:
         session = DriveSession(controller, line, robot.time(), lambda entry: None, stop, arrive_s=arrive_s)
         session.run(motion)
@@ -67,7 +67,7 @@ def test_without_a_time_the_first_pose_is_sent_as_any_other() -> None:
 def test_a_controller_that_is_no_stream_engine_is_sent_no_group() -> None:
     job = stream(2)
     robot = Robot(9600)
-    baud, controller = controller_of(job, 9600, "500,2500", 0)
+    baud, controller = job_controller(job, 9600, "500,2500", 0)
     with SerialLink(robot.open, baud, robot.time(), 10.0) as line:
         DriveSession(controller, line, robot.time(), lambda entry: None).run(Limited(Sine(2), 1.0))
     assert {number for number, _ in commands(robot)} == {0, 1}

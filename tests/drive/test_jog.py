@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from servogen.drive.steering import Jog, Rates, steering_of
+from servogen.drive.steering import Jog, Rates, job_steering
 from servogen.errors import InputError
 from tests.drive.conftest import ROOT, Serial, planned
 
@@ -20,7 +20,7 @@ Start = Callable[..., "subprocess.Popen[str]"]
 
 @pytest.fixture
 def jog() -> Jog:
-    found = steering_of(planned("stream-arm"), Rates())
+    found = job_steering(planned("stream-arm"), Rates())
     assert isinstance(found, Jog)
     return found
 

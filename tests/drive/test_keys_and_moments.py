@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 from servogen.drive import commands as c
-from servogen.drive.controller import ControllerChannel, ServoController, controller_of
-from servogen.drive.motions import Limited, Played, Still, frame_at, pose_of
+from servogen.drive.controller import ControllerChannel, ServoController, job_controller
+from servogen.drive.motions import Limited, Played, Still, find_pose, frame_at
 from servogen.drive.on_command import CommandedFrame, line_baud
 from servogen.drive.serial_link import SerialLink, VirtualTime
 from servogen.drive.session import DriveSession, Summary
-from servogen.drive.steering import BaseController, Jog, PoseController, Rates, steering_of
+from servogen.drive.steering import BaseController, Jog, PoseController, Rates, job_steering
 from servogen.errors import InputError
 from servogen.job import PlannedJob, loads, plan_job
 from servogen.motion.trajectory import JointTrajectory
@@ -204,20 +204,20 @@ def test_a_limited_motion_is_over_after_its_time() -> None:
 
 def test_a_pose_is_one_of_the_job_s_or_angles_of_servos() -> None:
     job = arms()
-    assert np.degrees(pose_of(job, "2")).tolist() == pytest.approx([120, 90])
-    assert np.degrees(pose_of(job, "low")).tolist() == pytest.approx([30, 60])
-    assert np.degrees(pose_of(job, " two = 45 , one=180")).tolist() == pytest.approx([180, 45])
+    assert np.degrees(find_pose(job, "2")).tolist() == pytest.approx([120, 90])
+    assert np.degrees(find_pose(job, "low")).tolist() == pytest.approx([30, 60])
+    assert np.degrees(find_pose(job, " two = 45 , one=180")).tolist() == pytest.approx([180, 45])
     for text in ("0", "3", "-1", "²", "1.0"):
         with pytest.raises(InputError, match=f"the job has no pose '{text}'") as caught:
-            pose_of(job, text)
+            find_pose(job, text)
         assert caught.value.hint == "1 to 2, or a name"
 
 
 def test_a_job_without_poses_has_angles_only() -> None:
     with pytest.raises(InputError, match="the job has no poses") as caught:
-        pose_of(wheels(), "1")
+        find_pose(wheels(), "1")
     assert caught.value.hint == "state angles: --pose arm=90,hand=45"
-    assert np.degrees(pose_of(wheels(), "w2=90"))[1] == pytest.approx(90)
+    assert np.degrees(find_pose(wheels(), "w2=90"))[1] == pytest.approx(90)
 
 
 # ---- steering -------------------------------------------------------------------------------------------
@@ -326,7 +326,7 @@ def test_a_base_rolls_at_the_speed_of_its_job_or_the_one_asked(
     rates: Rates, speed: float, turn: float
 ) -> None:
     job = wheels()
-    controller = steering_of(job, rates)
+    controller = job_steering(job, rates)
     assert isinstance(controller, BaseController)
     base = job.base
     assert base is not None
@@ -345,24 +345,24 @@ def test_a_base_rolls_at_the_speed_of_its_job_or_the_one_asked(
 
 
 def test_a_base_that_cannot_turn_so_fast_rolls_only_and_one_that_can_do_nothing_is_refused() -> None:
-    commands = steering_of(wheels(), Rates(turn_deg=3600.0)).commands
+    commands = job_steering(wheels(), Rates(turn_deg=3600.0)).commands
     assert commands == ("forward", "back", "sideways-left", "sideways-right", "stop")
     with pytest.raises(InputError, match="cannot turn at"):
-        steering_of(wheels(), Rates(distance_mm=1e5, turn_deg=3600.0))
+        job_steering(wheels(), Rates(distance_mm=1e5, turn_deg=3600.0))
 
 
 # ---- the controller -------------------------------------------------------------------------------------
 
 
 def test_the_positions_of_a_controller_are_evenly_spaced_between_its_widths() -> None:
-    baud, controller = controller_of(arms(), None, "500,2500", 3)
+    baud, controller = job_controller(arms(), None, "500,2500", 3)
     assert baud == 9600
     assert [channel.number for channel in controller.channels] == [3, 4]
     first = controller.channels[0]
     assert first.widths_us == pytest.approx([500 + 2000 * position / 254 for position in range(255)])
     assert first.step_us == pytest.approx(2000 / 254)
     assert (controller.frame_s, controller.refresh_s) == (None, 0.5)
-    assert controller_of(arms(), 2400, "500,2500", 0)[0] == 2400
+    assert job_controller(arms(), 2400, "500,2500", 0)[0] == 2400
 
 
 @pytest.mark.parametrize(
@@ -370,23 +370,23 @@ def test_the_positions_of_a_controller_are_evenly_spaced_between_its_widths() ->
 )
 def test_a_range_rises_from_above_zero(text: str, fits: bool) -> None:
     if fits:
-        assert controller_of(arms(), None, text, 0)[1].channels[0].widths_us[-1] == 1
+        assert job_controller(arms(), None, text, 0)[1].channels[0].widths_us[-1] == 1
     else:
         with pytest.raises(InputError, match=f"'{text}' is not a range of widths"):
-            controller_of(arms(), None, text, 0)
+            job_controller(arms(), None, text, 0)
 
 
 def test_the_numbers_of_servos_end_at_254() -> None:
-    assert [each.number for each in controller_of(arms(), None, "500,2500", 253)[1].channels] == [253, 254]
+    assert [each.number for each in job_controller(arms(), None, "500,2500", 253)[1].channels] == [253, 254]
     with pytest.raises(InputError, match="2 servos numbered from 254: the highest number is 254"):
-        controller_of(arms(), None, "500,2500", 254)
+        job_controller(arms(), None, "500,2500", 254)
 
 
 def test_a_job_with_a_stream_is_its_own_controller() -> None:
     """Positions are whole cycles from 1000 to 2000 µs; four are sent in the silence that it allows."""
     for silence, refresh in (("1.2", 0.3), ("9", 0.5)):
         job = arms(f"[stream]\nbaud = 1200\nsilence_s = {silence}\n")
-        baud, controller = controller_of(job, None, None, 0)
+        baud, controller = job_controller(job, None, None, 0)
         assert (baud, controller.frame_s) == (1200, pytest.approx(0.02))
         assert controller.refresh_s == pytest.approx(refresh)
         channel = controller.channels[0]
@@ -394,8 +394,8 @@ def test_a_job_with_a_stream_is_its_own_controller() -> None:
         assert set(np.diff(channel.widths_us).tolist()) <= {3.0, 4.0}  # 1000/254 is 3.94 cycles of 1 µs
         assert channel.slack_us == pytest.approx(0.5 + 1e-6)
     with pytest.raises(InputError, match="the stream engine's servos are numbered from 0"):
-        controller_of(job, None, None, 1)
-    assert controller_of(job, None, "500,2500", 1)[1].channels[0].number == 1
+        job_controller(job, None, None, 1)
+    assert job_controller(job, None, "500,2500", 1)[1].channels[0].number == 1
 
 
 def uneven(limits: tuple[float, float] = (1000.0, 1030.0)) -> ControllerChannel:
@@ -460,11 +460,11 @@ def test_the_poses_per_second_are_those_of_the_time_in_motion() -> None:
 
 def test_a_stream_engine_goes_to_the_first_pose_as_a_group_and_hears_from_its_line_meanwhile() -> None:
     job = arms("[stream]\nsilence_s = 1.2\n")
-    baud, controller = controller_of(job, None, None, 0)
+    baud, controller = job_controller(job, None, None, 0)
     log: list[dict[str, object]] = []
     with linked(baud) as (clock, wire, line):
         session = DriveSession(controller, line, clock.time(), log.append, arrive_s=0.5)
-        summary = session.run(Limited(Still(pose_of(job, "low")), 0.0))
+        summary = session.run(Limited(Still(find_pose(job, "low")), 0.0))
     # group begins, two positions, 25 frames of 20 ms; then a byte triple each 0.3 s until they are over
     sent = [data for _, data in wire.written]
     assert sent[1:3] == [bytes([255, 0, 42]), bytes([255, 1, 85])]  # 30° and 60° of 180°
@@ -483,11 +483,11 @@ def test_a_stream_engine_goes_to_the_first_pose_as_a_group_and_hears_from_its_li
 
 def test_the_facts_of_each_command_are_logged() -> None:
     job = arms()
-    _, controller = controller_of(job, None, "500,2500", 5)
+    _, controller = job_controller(job, None, "500,2500", 5)
     log: list[dict[str, object]] = []
     with linked(9600) as (clock, _, line):
-        session = DriveSession(controller, line, clock.time(), log.append, stop=pose_of(job, "two=90"))
-        summary = session.run(Limited(Still(pose_of(job, "one=90")), 0.1))
+        session = DriveSession(controller, line, clock.time(), log.append, stop=find_pose(job, "two=90"))
+        summary = session.run(Limited(Still(find_pose(job, "one=90")), 0.1))
     assert log[0] == {
         "s": round(30 / 9600, 4),
         "servo": "one",

@@ -17,11 +17,11 @@ import pytest
 from servogen.bench.virtual.chip import VirtualChip
 from servogen.bench.virtual.serial_line import LineStimulus
 from servogen.drive.commands import QUIT, CommandSource, NoCommands, script
-from servogen.drive.controller import controller_of
+from servogen.drive.controller import job_controller
 from servogen.drive.motions import AngleFunction, Limited, Played, Still
 from servogen.drive.serial_link import SerialLink, Time
 from servogen.drive.session import DriveSession
-from servogen.drive.steering import Rates, steering_of
+from servogen.drive.steering import Rates, job_steering
 from servogen.drive.sweep import Sweep, positions
 from servogen.edges import PINS
 from servogen.engines.stream.engine import stream
@@ -119,7 +119,7 @@ def driven(
     on_command: Callable[[str], None] = lambda command: None,
 ) -> list[dict[str, object]]:
     log: list[dict[str, object]] = []
-    baud, controller = controller_of(robot.job, None, None, 0)
+    baud, controller = job_controller(robot.job, None, None, 0)
     time = robot.time()
     began = time.now()
     with SerialLink(robot.open, baud, time, 0.0) as line:
@@ -191,7 +191,7 @@ def test_a_calibrations_widths_stand_on_the_pin_however_long_the_answer_takes() 
     """The chip's fail-safe would take the servo to neutral while somebody reads the angle."""
     text = job_of(1, "neutral").replace("[stream]", "[stream]\nsilence_s = 1.0")
     robot = OnChip(plan_job(loads(text, "job.toml")), image_of(text))
-    baud, controller = controller_of(robot.job, None, None, 0)
+    baud, controller = job_controller(robot.job, None, None, 0)
     channel, time = controller.channels[0], robot.time()
     asked: list[tuple[float, float, float]] = []
     with SerialLink(robot.open, baud, time, 0.0) as line:
@@ -266,7 +266,7 @@ def four_legs(folder: Path) -> Path:
 def test_a_gait_under_orders_is_walked_by_the_chip(tmp_path: Path) -> None:
     job = plan_job(load(four_legs(tmp_path)))
     robot = OnChip(job, compiled(job, stream(job)[1], "c2c").compilation.image)
-    steering, told = steering_of(job, Rates(30, 6)), steering_of(job, Rates(30, 6))
+    steering, told = job_steering(job, Rates(30, 6)), job_steering(job, Rates(30, 6))
     words = script("forward\nwait 4\nleft\nwait 9\nstop\nwait 6\n")
     log = driven(robot, steering, arrive_s=0.0, source=words, on_command=steering.command)
     orders = {float(str(entry["s"])): str(entry["command"]) for entry in log if "command" in entry}

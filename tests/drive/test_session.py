@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from servogen.drive.commands import script
-from servogen.drive.controller import REFRESH_S, ControllerChannel, ServoController, controller_of
-from servogen.drive.motions import AngleFunction, Limited, Played, Still, pose_of
+from servogen.drive.controller import REFRESH_S, ControllerChannel, ServoController, job_controller
+from servogen.drive.motions import AngleFunction, Limited, Played, Still, find_pose
 from servogen.drive.serial_link import NullWire, SerialLink, VirtualTime
 from servogen.drive.session import DriveSession, Summary
 from servogen.errors import InputError, Location, ToolError
@@ -48,7 +48,7 @@ def driven(
     job: PlannedJob, motion: AngleFunction, robot: Robot, **more: object
 ) -> tuple[Summary, list[dict[str, object]]]:
     log: list[dict[str, object]] = []
-    baud, controller = controller_of(job, robot.baud, RANGE, 0)
+    baud, controller = job_controller(job, robot.baud, RANGE, 0)
     patience: float = more.pop("patience", 10.0)  # type: ignore[assignment]
     with SerialLink(robot.open, baud, robot.time(), patience) as line:
         session = DriveSession(controller, line, robot.time(), log.append, **more)  # type: ignore[arg-type]
@@ -84,14 +84,14 @@ def test_a_moving_robot_keeps_the_line_full() -> None:
 def test_only_positions_that_changed_are_sent() -> None:
     robot = Robot(9600)
     job = servos(3)
-    driven(job, Limited(Still(pose_of(job, "s1=40")), 0.3), robot)
+    driven(job, Limited(Still(find_pose(job, "s1=40")), 0.3), robot)
     assert [number for _, number, _ in robot.arrived] == [1]
 
 
 def test_a_robot_at_rest_is_sent_its_positions_again_in_turn() -> None:
     robot = Robot(9600)
     job = servos(3)
-    driven(job, Limited(Still(pose_of(job, "low")), 3.9 * REFRESH_S), robot)
+    driven(job, Limited(Still(find_pose(job, "low")), 3.9 * REFRESH_S), robot)
     assert sorted(number for _, number, _ in robot.arrived[3:]) == [0, 1, 2]
     assert len({position for _, _, position in robot.arrived}) == 1
 
@@ -134,7 +134,7 @@ def test_after_an_outage_the_whole_pose_is_sent_again_and_the_motion_goes_on_whe
 def test_a_pose_that_was_torn_is_sent_whole_when_the_port_is_back() -> None:
     job = servos(4)
     robot = Robot(2400, faults=[(0.02, 1.0)])
-    driven(job, Limited(Still(pose_of(job, "low")), 0.0), robot)
+    driven(job, Limited(Still(find_pose(job, "low")), 0.0), robot)
     assert [number for _, number, _ in robot.arrived] == [0, 1, 0, 1, 2, 3]
 
 
@@ -166,9 +166,9 @@ def test_a_port_that_stays_away_is_an_error_and_what_could_not_be_done_is_said()
     job = servos(1)
     robot = Robot(9600, faults=[(1.0, math.inf)])
     log: list[dict[str, object]] = []
-    baud, controller = controller_of(job, 9600, RANGE, 0)
+    baud, controller = job_controller(job, 9600, RANGE, 0)
     line = SerialLink(robot.open, baud, robot.time(), 5.0)
-    session = DriveSession(controller, line, robot.time(), log.append, pose_of(job, "s0=90"))
+    session = DriveSession(controller, line, robot.time(), log.append, find_pose(job, "s0=90"))
     with pytest.raises(ToolError, match="did not come back within 5 s: there is no such port"):
         session.run(Sine(1))
     assert not session.summary.stopped
@@ -187,10 +187,10 @@ def test_whatever_ends_a_drive_the_robot_is_stopped(error: type[BaseException]) 
             raise error
 
     robot.after_wait = interrupt
-    baud, controller = controller_of(job, 2400, RANGE, 0)
+    baud, controller = job_controller(job, 2400, RANGE, 0)
     with SerialLink(robot.open, baud, robot.time(), 5.0) as line:
         session = DriveSession(
-            controller, line, robot.time(), lambda entry: None, pose_of(job, "s0=90,s1=45")
+            controller, line, robot.time(), lambda entry: None, find_pose(job, "s0=90,s1=45")
         )
         with pytest.raises(error):
             session.run(Sine(2))
@@ -210,7 +210,7 @@ def test_orders_of_a_script_come_in_their_time_and_its_end_ends_the_drive() -> N
     words = script("one # comment\nwait 1\n\ntwo\nthree\nwait 0.5\n")
     summary, _ = driven(
         job,
-        Still(pose_of(job, "low")),
+        Still(find_pose(job, "low")),
         robot,
         source=words,
         on_command=lambda word: orders.append((robot.now, word)),
@@ -230,11 +230,11 @@ def test_an_order_that_is_none_stops_the_robot() -> None:
     with pytest.raises(InputError, match="unknown command"):
         driven(
             job,
-            Still(pose_of(job, "low")),
+            Still(find_pose(job, "low")),
             robot,
             source=script("jump"),
             on_command=refuse,
-            stop=pose_of(job, "s0=60"),
+            stop=find_pose(job, "s0=60"),
         )
     assert angle_of(robot.decoder.positions[0]) == pytest.approx(math.radians(60), abs=0.02)
 
@@ -281,7 +281,7 @@ def test_a_width_that_the_controller_cannot_make_is_refused_not_clamped() -> Non
 )
 def test_a_pose_that_is_not_there_is_refused(text: str, says: str) -> None:
     with pytest.raises(InputError, match=says):
-        pose_of(servos(2), text)
+        find_pose(servos(2), text)
 
 
 def test_a_way_to_the_first_pose_longer_than_a_group_counts_is_refused_and_not_shortened() -> None:

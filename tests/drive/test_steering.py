@@ -14,7 +14,7 @@ import pytest
 
 from servogen.drive import steering as module
 from servogen.drive.commands import KeyCommands, LineCommands, commands_in, terminal_keys
-from servogen.drive.steering import Rates, Steering, WalkController, steering_of
+from servogen.drive.steering import Rates, Steering, WalkController, job_steering
 from servogen.errors import InputError, ToolError
 from servogen.job import PlannedJob, load, loads, plan_job
 from servogen.motion.trajectory import Floats
@@ -45,7 +45,7 @@ def walking() -> WalkController:
 
 
 def steered_walk(job: PlannedJob, rates: Rates) -> WalkController:
-    steering = steering_of(job, rates)
+    steering = job_steering(job, rates)
     assert isinstance(steering, WalkController)
     return steering
 
@@ -182,7 +182,7 @@ def test_a_stride_that_the_legs_cannot_do_is_refused() -> None:
 
 
 def test_a_stream_job_without_poses_takes_angles() -> None:
-    steering = steering_of(planned("stream-arm"), Rates())
+    steering = job_steering(planned("stream-arm"), Rates())
     assert steered(steering, {0: "base=120,grip=60"}, 100)[-1] == pytest.approx([120, 90, 60])
 
 
@@ -193,7 +193,7 @@ def test_an_unknown_order_is_refused() -> None:
 
 def test_an_arm_program_has_nothing_to_steer() -> None:
     with pytest.raises(InputError, match="nothing can be steered"):
-        steering_of(planned("rvm1-program"), Rates())
+        job_steering(planned("rvm1-program"), Rates())
 
 
 def test_a_terminals_keys_come_without_return_and_it_is_as_before_afterwards() -> None:

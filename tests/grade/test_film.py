@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from servogen.grade import film
-from servogen.grade.film import FilmRow, film_of, lines_around
+from servogen.grade.film import FilmRow, lines_around, make_film
 from servogen.grade.watch import PinPulses, Watched
 from servogen.units import Clock
 
@@ -23,7 +23,7 @@ def watched(clock_hz: int = 4_000_000, end: int = 60_000_000, **rises: list[int]
 def test_the_pulses_from_five_seconds_before_to_ten_seconds_after_the_moment_are_kept() -> None:
     """At 4 MHz a cycle is a microsecond. A pulse that ends at the end is not whole in it."""
     rises = [24_999_999, 25_000_000, 30_000_000, 39_998_499, 39_998_500]
-    found = film_of(watched(p3=rises), (3, 7), 30_000_000, None)
+    found = make_film(watched(p3=rises), (3, 7), 30_000_000, None)
     assert (found.begin_us, found.moment_us, found.end_us) == (25e6, 30e6, 40e6)
     assert found.rows == (
         FilmRow(3, (25_000_000.0, 30_000_000.0, 39_998_499.0), (1500.0,) * 3),
@@ -33,30 +33,30 @@ def test_the_pulses_from_five_seconds_before_to_ten_seconds_after_the_moment_are
 
 
 def test_a_film_begins_not_before_reset_and_ends_with_the_watch() -> None:
-    found = film_of(watched(end=8_000_000, p0=[0, 7_000_000]), (0,), 2_000_000, None)
+    found = make_film(watched(end=8_000_000, p0=[0, 7_000_000]), (0,), 2_000_000, None)
     assert (found.begin_us, found.moment_us, found.end_us) == (0, 2e6, 8e6)
     assert found.rows[0].rise_us == (0.0, 7e6)
 
 
 def test_without_a_moment_it_is_that_of_the_first_pulse_on_the_pins() -> None:
     pulses = watched(p0=[9_000_000], p1=[7_000_000, 8_000_000], p2=[50])
-    assert film_of(pulses, (0, 1), None, None).moment_us == 7e6
-    assert film_of(pulses, (5,), None, None).moment_us == 0
-    assert film_of(pulses, (0, 1), 3, None).moment_us == 3
+    assert make_film(pulses, (0, 1), None, None).moment_us == 7e6
+    assert make_film(pulses, (5,), None, None).moment_us == 0
+    assert make_film(pulses, (0, 1), 3, None).moment_us == 3
 
 
 def test_times_are_in_tenths_of_a_microsecond_of_the_chips_clock() -> None:
     """At 20 MHz a cycle is 0.2 µs, at 3.58 MHz 1.1173 µs."""
-    found = film_of(watched(20_000_000, p0=[1001]), (0,), None, None)
+    found = make_film(watched(20_000_000, p0=[1001]), (0,), None, None)
     assert found.rows == (FilmRow(0, (200.2,), (300.0,)),)
-    assert film_of(watched(3_580_000, p0=[1001]), (0,), None, None).rows == (
+    assert make_film(watched(3_580_000, p0=[1001]), (0,), None, None).rows == (
         FilmRow(0, (1118.4,), (1676.0,)),
     )
 
 
 def test_of_many_pulses_the_first_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(film, "MAX_PULSES", 3)
-    found = film_of(watched(p0=[2000 * n for n in range(5)]), (0,), None, None)
+    found = make_film(watched(p0=[2000 * n for n in range(5)]), (0,), None, None)
     assert found.rows[0].rise_us == (0.0, 2000.0, 4000.0)
     assert len(found.rows[0].width_us) == 3
 

@@ -8,9 +8,9 @@ from threading import Event
 import numpy as np
 import pytest
 
-from servogen.drive.controller import controller_of
-from servogen.drive.motions import pose_of
-from servogen.drive.steering import Rates, steering_of
+from servogen.drive.controller import job_controller
+from servogen.drive.motions import find_pose
+from servogen.drive.steering import Rates, job_steering
 from servogen.drive.sweep import positions
 from servogen.engines.stream.protocol import travel
 from servogen.errors import InputError
@@ -77,7 +77,7 @@ def test_positions_of_a_line_and_a_sweep_end_at_the_joints_limits(tmp_path: Path
         for width in (travel(servo, job.clock).minimum, travel(servo, job.clock).maximum)
     ]
     assert found == pytest.approx(ends, abs=1)
-    _, controller = controller_of(job, None, None, 0)
+    _, controller = job_controller(job, None, None, 0)
     channel = controller.channels[0]
     swept = [channel.widths_us[position] for position in positions(channel, None, None, 5)]
     assert (min(swept), max(swept)) == pytest.approx((ends[0], ends[1]), abs=channel.step_us)
@@ -86,8 +86,8 @@ def test_positions_of_a_line_and_a_sweep_end_at_the_joints_limits(tmp_path: Path
 def test_keys_and_poses_drive_no_joint_beyond_its_limits(tmp_path: Path) -> None:
     job = planned(tmp_path, also=STREAM)
     with pytest.raises(InputError, match="sa cannot go to 121°"):
-        pose_of(job, "sa=121")
-    jog = steering_of(job, Rates())
+        find_pose(job, "sa=121")
+    jog = job_steering(job, Rates())
     for command in ("coarser", "coarser", "coarser", *"+" * 9):
         jog.command(command)
     angles = jog.at(100)

@@ -22,7 +22,7 @@ from servogen.motion.gait.stability import margin, support_polygon
 from servogen.motion.gait.steps import Cruise, Segment, cruise_of, steps
 from servogen.motion.gait.walk import Slip, Walk, walk
 from servogen.motion.limits import JointLimits
-from servogen.motion.loads import Loads, check_loads, check_torque, loads_of
+from servogen.motion.loads import Loads, check_loads, check_torque, walk_loads
 from servogen.motion.paths import StraightLine
 from servogen.motion.trajectory import JointTrajectory
 from servogen.robot.servo_models import servo_model
@@ -396,7 +396,7 @@ def test_three_legs_may_fall_and_two_are_held_by_something_else() -> None:
             robot, own, [Segment(cycles=1)], Posture(), PERIOD, CLOCK, frames_per_cycle=24, allow_falling=True
         )
         assert made.minimum_margin_m == pytest.approx(outside)
-        found = loads_of(robot, made)
+        found = walk_loads(robot, made)
         assert (found is None) == (count == 2)
         if found is not None:
             assert found.worst is None, "it never stands"
@@ -451,7 +451,7 @@ def test_a_swing_goes_beyond_as_far_as_what_is_lost_and_a_frame_of_the_stance() 
 
 def test_loads_of_a_robot_are_its_weight_on_its_feet() -> None:
     robot = replace(hexapod(), mass=2.0)
-    found = loads_of(robot, WALKED)
+    found = walk_loads(robot, WALKED)
     assert found is not None
     assert found.weight_n == pytest.approx(2 * 9.80665)
     standing = WALKED.ground[0].sum()
@@ -461,9 +461,9 @@ def test_loads_of_a_robot_are_its_weight_on_its_feet() -> None:
     assert not WALKED.ground.all()
     assert found.forces[~WALKED.ground] == pytest.approx(0, abs=1e-9)
     assert found.equal_torques[~WALKED.ground] == pytest.approx(0, abs=1e-9), "in the air"
-    assert loads_of(hexapod(), WALKED) is None
+    assert walk_loads(hexapod(), WALKED) is None
     two = replace(robot, mounts=robot.mounts[:2])
-    assert loads_of(two, WALKED) is None
+    assert walk_loads(two, WALKED) is None
 
 
 def test_a_foot_carries_where_its_spring_has_put_it() -> None:
@@ -471,7 +471,7 @@ def test_a_foot_carries_where_its_spring_has_put_it() -> None:
     robot = replace(hexapod(), mass=2.0)
     corrections = np.zeros_like(WALKED.corrections)
     corrections[:, WALKED.legs.index("R1"), 1] = 0.03
-    found = loads_of(robot, shown(corrections=corrections))
+    found = walk_loads(robot, shown(corrections=corrections))
     stand = (WALKED.feet + corrections)[:, :, :2]
     assert found is not None
     centre = np.array(robot.centre_of_mass[:2])

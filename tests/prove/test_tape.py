@@ -24,7 +24,7 @@ from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import TapeRule
 from servogen.simulator.devices import React
 from servogen.units import Clock
-from servogen.workflows.certificates import Witnessed, cached, second_witness
+from servogen.workflows.certificates import Witnessed, cache_path, second_witness
 from tests.checker import certify
 from tests.engines.tape.tape_jobs import made, with_content
 
@@ -94,7 +94,7 @@ def test_a_certificate_is_of_one_tape() -> None:
     claim = certify.reread(claimed())
     with pytest.raises(Refused, match="another tape"):
         check_certificate(claim, image, text, "schedule.json", tape=other.tape.content)
-    assert cached(image, text, schedule.tape.content) != cached(image, text, other.tape.content)
+    assert cache_path(image, text, schedule.tape.content) != cache_path(image, text, other.tape.content)
 
 
 def test_a_changed_byte_of_the_tape_is_refused_where_its_pulse_is() -> None:

@@ -25,7 +25,7 @@ from servogen.report.wiring import package, remarks, wires
 from servogen.traces.captures import capture_writer
 from servogen.units import Clock, Cycles
 from servogen.workflows.engines import planned
-from servogen.workflows.reporting import ReportPage, page_of
+from servogen.workflows.reporting import ReportPage, build_page
 from tests.campaigns import sampled
 
 ROOT = Path(__file__).parents[2]
@@ -71,7 +71,7 @@ class Tags(HTMLParser):
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> ReportPage:
-    return page_of(plan_job(load(job_file(tmp_path_factory.mktemp("job")))))
+    return build_page(plan_job(load(job_file(tmp_path_factory.mktemp("job")))))
 
 
 def job_file(folder: Path, text: str = JOB, name: str = "two-poses") -> Path:
@@ -97,7 +97,7 @@ def test_a_page_is_whole_and_fetches_nothing(page: ReportPage) -> None:
 
 
 def test_the_same_job_gives_the_same_page(page: ReportPage, tmp_path: Path) -> None:
-    assert page_of(plan_job(load(job_file(tmp_path)))).html == page.html
+    assert build_page(plan_job(load(job_file(tmp_path)))).html == page.html
     assert str(tmp_path) not in page.html
 
 
@@ -175,7 +175,7 @@ def test_the_package_is_drawn_as_the_data_sheet_shows_it() -> None:
 def test_what_the_wiring_needs_beside_wires_is_said(tmp_path: Path) -> None:
     job = tmp_path / "job.toml"
     job.write_text(JOB.replace('pin = "RB0"', 'pin = "RA4"\nopen_drain = true'))
-    page = page_of(plan_job(load(job))).html
+    page = build_page(plan_job(load(job))).html
     assert "RA4 is open drain: it needs a pull-up resistor, 1 to 10 kΩ to VDD." in page
     assert "Peak current of the servos: 720 mA (1 at once)." in page
     assert "not stated" not in page
@@ -208,7 +208,7 @@ def test_a_tables_place_in_the_c_is_told_and_not_its_label() -> None:
 def test_a_stream_job_has_a_page_of_its_neutral_pose(tmp_path: Path, fail_safe: str) -> None:
     job = tmp_path / "job.toml"
     job.write_text(JOB.split("[motion]")[0] + f'[stream]\nfail_safe = "{fail_safe}"\n')
-    made = page_of(plan_job(load(job)))
+    made = build_page(plan_job(load(job)))
     assert made.programs_exact
     assert "serial line in, 2400 baud" in made.html
     rows = data_of(made.html)["rows"]
@@ -216,7 +216,7 @@ def test_a_stream_job_has_a_page_of_its_neutral_pose(tmp_path: Path, fail_safe: 
 
 
 def test_names_cannot_break_the_page(tmp_path: Path) -> None:
-    html = page_of(plan_job(load(job_file(tmp_path, name="a<script>b")))).html
+    html = build_page(plan_job(load(job_file(tmp_path, name="a<script>b")))).html
     assert "a<script>b" not in html
     assert "a&lt;script&gt;b" in html
 
@@ -232,7 +232,7 @@ def test_a_capture_stands_beside_the_plan_where_it_belongs(tmp_path: Path, width
     with capture_writer(path, 1_000_000) as writer:
         writer.add(chunk)
         writer.finish(Cycles(150_000))
-    page = page_of(plan_job(load(job_file(tmp_path))), path)
+    page = build_page(plan_job(load(job_file(tmp_path))), path)
     assert page.capture is not None and page.capture.passed is exact
     assert ("agrees" in page.html) is exact
     assert (">every edge exact<" in page.html) is exact, "the head does not say more than the capture shows"
@@ -323,7 +323,7 @@ def test_a_program_that_is_not_proven_says_why_and_when_it_was_late(
 
 def test_the_page_says_what_is_proven_beside_one_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of exactly this program and schedule: the certificate of another one counts for nothing."""
-    from servogen.watch.subject import Setting, load_subject, theorem_of
+    from servogen.watch.subject import Setting, load_subject, proven_sentence
 
     job = ROOT / "jobs" / "lab8-exercise.toml"
     kept = tmp_path / "build" / "lab8-exercise" / "main.cert.xz"
@@ -334,5 +334,5 @@ def test_the_page_says_what_is_proven_beside_one_run(tmp_path: Path, monkeypatch
     for certificate, said in ((None, unknown), ("lab9-exercise", unknown), ("lab8-exercise", proven)):
         if certificate is not None:
             kept.write_bytes((ROOT / "certificates" / certificate / "main.cert.xz").read_bytes())
-        assert f"<p>one run: exact; {said}</p>" in page_of(plan_job(load(job))).html
-        assert theorem_of(load_subject(job, Setting())) == said
+        assert f"<p>one run: exact; {said}</p>" in build_page(plan_job(load(job))).html
+        assert proven_sentence(load_subject(job, Setting())) == said

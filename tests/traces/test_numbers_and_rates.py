@@ -14,7 +14,7 @@ from servogen.edges import HIGH, LOW, PINS, UNDRIVEN, EdgeTrace, edge_chunk
 from servogen.errors import InputError, Location
 from servogen.traces import lines, read_edges, rows, sigrok, vcd, write_edges
 from servogen.traces.captures import capture_writer, is_capture, read_capture, sampled_at
-from servogen.traces.channels import pin_in, rate_of, step_clock
+from servogen.traces.channels import parse_rate, pin_in, step_clock
 from servogen.traces.lines import first_lines, last_line, line_blocks
 from servogen.traces.vcd import VcdTimes, vcd_times
 from servogen.units import Clock, Cycles
@@ -98,7 +98,7 @@ RATES = {
 
 @pytest.mark.parametrize(("text", "rate"), RATES.items())
 def test_a_rate_is_read_as_sigrok_reads_it(text: str, rate: int) -> None:
-    assert rate_of(text, Location("x.sr")) == rate
+    assert parse_rate(text, Location("x.sr")) == rate
 
 
 @pytest.mark.parametrize(
@@ -112,7 +112,7 @@ def test_a_rate_is_read_as_sigrok_reads_it(text: str, rate: int) -> None:
 )  # fmt: skip
 def test_a_rate_that_is_not_understood_whole_is_refused_with_its_text(text: str) -> None:
     with pytest.raises(InputError) as caught:
-        rate_of(text, Location("x.sr"))
+        parse_rate(text, Location("x.sr"))
     assert caught.value.message == f"sampling rate '{text}' is not understood"
 
 

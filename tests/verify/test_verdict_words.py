@@ -10,7 +10,7 @@ from servogen.edges import HIGH, LOW, PINS, Expected
 from servogen.errors import Diagnostic, Location
 from servogen.plan_error import PlanError
 from servogen.units import Clock, Cycles
-from servogen.verify.coverage import Coverage, joined
+from servogen.verify.coverage import Coverage, join_coverages
 from servogen.verify.verdict import (
     ChannelVerdict,
     ComparedSpan,
@@ -165,10 +165,10 @@ def test_what_was_covered_is_counted_and_joined() -> None:
     other = replace(first, seen=frozenset({5}), lead_in_seen=frozenset(), loop_seen=frozenset({2, 6}))
     assert first.words() == "1 of 3 different frames"
     assert replace(first, different=frozenset({3})).words() == "1 of 1 different frame"
-    together = joined([first, other])
+    together = join_coverages([first, other])
     assert together == replace(first, seen=frozenset({3, 5}), loop_seen=frozenset({0, 2, 6}))
     assert not together.complete
-    assert joined([together, replace(first, seen=frozenset({4}))]).complete
+    assert join_coverages([together, replace(first, seen=frozenset({4}))]).complete
     assert together.to_json() == {
         "different_frames": 3,
         "different_frames_seen": 2,

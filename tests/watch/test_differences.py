@@ -11,7 +11,7 @@ from servogen.engines.board import machine_of
 from servogen.programs import read_program, read_schedule
 from servogen.pulse.expected import expected
 from servogen.units import Cycles
-from servogen.watch.differences import ScheduledEdges, differences, differing, spans, wanted_of
+from servogen.watch.differences import ScheduledEdges, differences, differing, place_schedule, spans
 
 FOLDER = Path(__file__).parent.parent.parent / "firmware" / "hexapod-tripod"
 SCHEDULE = read_schedule(FOLDER / "schedule.json")
@@ -38,7 +38,7 @@ def test_the_edges_of_a_window_are_those_that_verify_expects() -> None:
         every += list(zip(*(column.tolist() for column in chunk[:3]), strict=True))
         if every[-1][0] > END:
             break
-    first = min(pulse.rise for pulse in ScheduledEdges(SCHEDULE, 0).run_of(0).pulses if pulse)
+    first = min(pulse.rise for pulse in ScheduledEdges(SCHEDULE, 0).run_at(0).pulses if pulse)
     wanted = ScheduledEdges(SCHEDULE, 1000 - first)
     for begin, end in ((0, 400_000), (1_234_567, 1_300_001), (8_000_000, 8_500_000)):
         asked = [(cycle + 1000, pin, level) for cycle, pin, level in every if begin <= cycle + 1000 < end]
@@ -48,14 +48,14 @@ def test_the_edges_of_a_window_are_those_that_verify_expects() -> None:
 
 def test_a_proven_program_differs_nowhere() -> None:
     made = trace()
-    wanted = wanted_of(SCHEDULE, made)
+    wanted = place_schedule(SCHEDULE, made)
     assert wanted is not None
     assert next(differences(wanted, made, END), None) is None
 
 
 def test_the_first_difference_is_the_edge_that_was_moved() -> None:
     made = trace()
-    wanted = wanted_of(SCHEDULE, made)
+    wanted = place_schedule(SCHEDULE, made)
     assert wanted is not None
     chunk = next(iter(made.chunks))
     index = len(chunk.cycle) // 2
@@ -72,7 +72,7 @@ def test_the_first_difference_is_the_edge_that_was_moved() -> None:
 
 def test_pulses_that_stop_are_a_difference() -> None:
     made = trace()
-    wanted = wanted_of(SCHEDULE, made)
+    wanted = place_schedule(SCHEDULE, made)
     assert wanted is not None
     chunk = next(iter(made.chunks))
     half = int(np.searchsorted(chunk.cycle, 4_000_000))
@@ -83,7 +83,7 @@ def test_pulses_that_stop_are_a_difference() -> None:
 
 def test_a_trace_without_pulses_has_no_beginning() -> None:
     chunk = EdgeChunk(np.zeros(0, np.int64), np.zeros(0, np.uint8), np.zeros(0, np.uint8))
-    assert wanted_of(SCHEDULE, EdgeTrace(SCHEDULE.clock, (chunk,), END)) is None
+    assert place_schedule(SCHEDULE, EdgeTrace(SCHEDULE.clock, (chunk,), END)) is None
 
 
 def test_differences_in_neighbouring_frames_are_one_span() -> None:

@@ -14,7 +14,7 @@ from servogen.edges import HIGH, LOW, PINS, UNDRIVEN, EdgeTrace, edge_chunk, joi
 from servogen.engines.board import board_of, machine_of
 from servogen.simulator import EEPROM24, Machine, Serial, SimulatorOptions, on_pins
 from servogen.units import Clock, Cycles
-from servogen.watch.listeners import BusListener, SerialListener, clocks_of
+from servogen.watch.listeners import BusListener, SerialListener, byte_clocks
 from servogen.watch.session import WatchSession
 from servogen.watch.subject import Subject
 from tests.engines.tape.tape_jobs import made, tape_of
@@ -99,9 +99,9 @@ def test_of_a_bus_that_was_not_seen_for_a_while_nothing_is_said_before_a_start()
     heard = BusListener(0, 1)
     heard.add(broken, 1500)
     assert heard.taken() == [first]
-    assert clocks_of(broken, 0, 1) is None and clocks_of(edges, 0, 1) == 0
+    assert byte_clocks(broken, 0, 1) is None and byte_clocks(edges, 0, 1) == 0
     before = part(edges, edges.cycle <= third.begin)
-    assert clocks_of(before, 0, 1) == 1
+    assert byte_clocks(before, 0, 1) == 1
 
 
 @pytest.mark.parametrize("before", [LOW, UNDRIVEN])
@@ -111,4 +111,4 @@ def test_sda_that_changes_as_scl_becomes_high_is_no_start(before: int) -> None:
     clocks = edge_chunk(range(20, 38), [0] * 18, [LOW, HIGH] * 9)
     heard = BusListener(0, 1)
     heard.add(join((fall, clocks)), 40)
-    assert heard.taken() == [] and clocks_of(join((fall, clocks)), 0, 1) is None
+    assert heard.taken() == [] and byte_clocks(join((fall, clocks)), 0, 1) is None

@@ -17,7 +17,7 @@ from servogen.pulse.schedule import Channel, Pulse, Run
 from servogen.simulator import LevelChange, Recorded, Stimuli
 from servogen.units import Clock, Cycles
 from servogen.watch import session as session_module
-from servogen.watch.differences import ScheduledEdges, differences, differing, first_rise, wanted_of
+from servogen.watch.differences import ScheduledEdges, differences, differing, first_rise, place_schedule
 from servogen.watch.recording import Recording
 from servogen.watch.session import MAX_EDGES, LatestPulses, WatchSession
 from servogen.watch.subject import Subject
@@ -430,8 +430,8 @@ def test_a_schedule_asks_for_its_frames_over_and_over() -> None:
             asked = [edge for edge in every if begin <= edge[0] < begin + length]
             assert wanted.edges(begin, begin + length) == asked
     assert first_rise(PULSES) == 5
-    assert [wanted.frame_of(moment) for moment in (999, 1000, 1099, 1100)] == [-1, 0, 0, 1]
-    assert wanted.begin_of(3) == 1300
+    assert [wanted.frame_at(moment) for moment in (999, 1000, 1099, 1100)] == [-1, 0, 0, 1]
+    assert wanted.frame_begin(3) == 1300
     part = ScheduledEdges(PULSES, 1000, begin=1215, end=1330)
     assert part.edges(1000, 1500) == [edge for edge in every if 1215 <= edge[0] < 1330]
     scaled = ScheduledEdges(PULSES, 10.5, 2.5, tolerance=1.5)
@@ -491,7 +491,7 @@ def test_the_first_difference_is_found_however_the_trace_is_cut() -> None:
     for size in (1, 5, 1000):
         pieces = tuple(chunk(rows[first : first + size]) for first in range(0, len(rows), size))
         trace = EdgeTrace(MHZ4, pieces, Cycles(3040))
-        wanted = wanted_of(PULSES, trace)
+        wanted = place_schedule(PULSES, trace)
         assert wanted == ScheduledEdges(PULSES, 40)
         assert next(differences(wanted, trace, 3040), None) is None
         for number in (4, 30, len(rows) - 1):
@@ -503,7 +503,7 @@ def test_the_first_difference_is_found_however_the_trace_is_cut() -> None:
             assert next(differences(wanted, other, at), None) is None
         short = EdgeTrace(MHZ4, pieces, Cycles(3200))
         assert next(differences(wanted, short, 3200), None) == 3040, "then the pulses stop"
-    assert wanted_of(PULSES, EdgeTrace(MHZ4, (chunk([(5, 9, 1)]),), Cycles(100))) is None
+    assert place_schedule(PULSES, EdgeTrace(MHZ4, (chunk([(5, 9, 1)]),), Cycles(100))) is None
     quiet = PulseSchedule(
         clock=MHZ4, period=Cycles(100), channels=PULSES.channels, lead_in=(), loop=(Run(1, (None, None)),)
     )

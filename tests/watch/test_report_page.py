@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from servogen.job import load, plan_job
-from servogen.workflows.reporting import page_of
+from servogen.workflows.reporting import build_page
 from tests.watch.browser import Browser, Page, needs_axe, violations
 
 ROOT = Path(__file__).parent.parent.parent
@@ -18,7 +18,7 @@ MAX_BYTES = 1_000_000
 @pytest.fixture(scope="module")
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp("report") / "hexapod.html"
-    made.write_text(page_of(plan_job(load(ROOT / "jobs" / "hexapod-tripod.toml"))).html)
+    made.write_text(build_page(plan_job(load(ROOT / "jobs" / "hexapod-tripod.toml"))).html)
     return made
 
 

@@ -32,7 +32,7 @@ from servogen.watch import session as session_module
 from servogen.watch.differences import Edge, ScheduledEdges
 from servogen.watch.editing import Editor
 from servogen.watch.live_line import LiveLine
-from servogen.watch.session import MAX_BREAKPOINTS, STEPS, WatchSession, repetition_of
+from servogen.watch.session import MAX_BREAKPOINTS, STEPS, WatchSession, find_repetition
 from servogen.watch.subject import Setting, Subject, check, load_subject
 from tests.engines.player.command_walks import target
 from tests.engines.player.test_direction_buttons import ROBOT, TEXT, TWO
@@ -370,9 +370,9 @@ def test_a_capture_moves_the_robot_of_the_job_that_it_is_compared_with(walk_capt
     schedule = read_schedule(ROOT / "firmware" / "hexapod-tripod" / "schedule.json")
     frame = schedule.lead_in_frames + 20
     (wanted,) = session.subject.wanted
-    shown = answer(session, do="seek", cycle=wanted.begin_of(frame + 1))
+    shown = answer(session, do="seek", cycle=wanted.frame_begin(frame + 1))
     for channel, servo, pulse in zip(
-        schedule.channels, model["robot"]["servos"], wanted.run_of(frame).pulses, strict=True
+        schedule.channels, model["robot"]["servos"], wanted.run_at(frame).pulses, strict=True
     ):
         assert (servo["name"], servo["pin"]) == (channel.name, PINS.index(channel.pin)) and pulse
         longer = 100 * (channel.name == "L1-lift")
@@ -598,7 +598,7 @@ def frames_of(session: WatchSession, first: int, count: int) -> list[list[int]]:
     pins = [PINS.index(channel.pin) for channel in wanted.schedule.channels]
     found = []
     for frame in range(first + 1, first + 1 + count):
-        widths = answer(session, do="seek", cycle=wanted.begin_of(frame))["widths"]
+        widths = answer(session, do="seek", cycle=wanted.frame_begin(frame))["widths"]
         found.append([widths[pin] for pin in pins])
     return found
 
@@ -610,7 +610,7 @@ def test_a_way_that_is_chosen_is_walked_until_it_is_stopped() -> None:
     model = session.model()
     assert model["walk"] == {"pin": "RA4", "ways": ["forward", "back", "left", "right"], "stop": "stop"}
     lead_in = of.schedule.lead_in_frames
-    begin = session.subject.wanted[0].begin_of(lead_in)
+    begin = session.subject.wanted[0].frame_begin(lead_in)
     assert answer(session, do="seek", cycle=begin)["planned"]
     answer(session, do="walk", way="right")
     assert not answer(session, do="seek", cycle=begin + 10)["planned"]
@@ -796,7 +796,7 @@ def test_a_far_way_waits_while_the_repetition_is_being_found(lab8: Subject) -> N
     assert said(session, do="seek", cycle=hour20)["is"] == "going"
     (waiting,) = session.tick(0.066)
     assert (waiting["is"], session.now) == ("going", 0)
-    session.knows(repetition_of(lab8))
+    session.knows(find_repetition(lab8))
     there = arrived(session)
     assert there["is"] == "now" and there["cycle"] - hour20 in range(3)
     near = WatchSession(lab8, learning=True)

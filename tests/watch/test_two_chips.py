@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from servogen.edges import OTHER_PINS, PINS
-from servogen.watch.session import WatchSession, repetition_of
+from servogen.watch.session import WatchSession, find_repetition
 from servogen.watch.subject import Setting, Subject, load_subject
 from tests.two_chips import ARM, TWO
 from tests.watch.serving import Running
@@ -119,7 +119,7 @@ def test_why_a_pin_is_as_it_is_is_asked_at_its_own_chip(subject: Subject) -> Non
 
 def test_what_both_chips_do_again_and_again_is_found(subject: Subject) -> None:
     """A far moment is then reached at once, in the phase in which a run comes there."""
-    found = repetition_of(subject)
+    found = find_repetition(subject)
     assert found is not None
     leaping, running = WatchSession(subject, repetition=found), at(subject, 60 * THERE)
     assert leaping.chip is not None and running.chip is not None

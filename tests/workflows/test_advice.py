@@ -128,7 +128,7 @@ def test_each_change_is_announced_and_none_is_tried_once_time_is_up() -> None:
     error = InputError("beyond-max-error", "too far")
     told: list[str] = []
     clock = iter([0.0, 1.0, *[advice.MAX_S + 1] * 99])
-    found = advice.advised(job, error, told.append, lambda: next(clock))
+    found = advice.with_advice(job, error, told.append, lambda: next(clock))
     assert told == ["trying cycle_s = 1.2"]
     assert found.hint is not None and "no further changes were tried" in found.hint
     assert found.details["advice"]["stopped_early"] is True  # type: ignore[index]
@@ -143,7 +143,7 @@ def test_once_time_is_up_no_segment_of_a_route_is_tried_either(monkeypatch: pyte
     monkeypatch.setattr(advice, "tried_fit", lambda *_: None)
     told: list[str] = []
     clock = iter([0.0, advice.MAX_S, *[advice.MAX_S + 0.1] * 9])
-    found = advice.advised(job, ResourceError("does-not-fit", "no"), told.append, lambda: next(clock))
+    found = advice.with_advice(job, ResourceError("does-not-fit", "no"), told.append, lambda: next(clock))
     assert told == ["trying segment 1 alone"]
     assert found.hint is not None and "no further changes were tried" in found.hint
     assert found.details["advice"]["stopped_early"] is True  # type: ignore[index]
@@ -271,7 +271,7 @@ def test_for_motions_far_beyond_the_chip_nothing_is_tried(
         )
     )
     error = ResourceError("does-not-fit", "too long")
-    assert advice.advised(job, error) is error
+    assert advice.with_advice(job, error) is error
     assert bool(calls) is tried
 
 
@@ -313,7 +313,7 @@ def test_the_advice_for_one_engine_counts_no_bytes_of_another() -> None:
     job = plan_job(
         loads(LAW.replace("move_s = 1.4", "move_s = 20") + '[firmware]\nengine = "sequence"\n', "job.toml")
     )
-    found = advice.advised(job, ResourceError("does-not-fit", "too large"))
+    found = advice.with_advice(job, ResourceError("does-not-fit", "too large"))
     assert "by part" not in str(found) and found.details["advice"]["motion_bytes"] is None  # type: ignore[index]
 
 
@@ -372,5 +372,5 @@ def test_two_chips_are_tried_where_a_pin_is_left_for_the_wire(monkeypatch: pytes
     button = turning(15).replace('engine = "player"', 'engine = "player"\nstart_pin = "RA4"')
     for text, tried in ((turning(15), True), (button, False), (on_two_chips(turning(15), "RF-coxa"), False)):
         told: list[str] = []
-        advice.advised(plan_job(loads(text, "my.toml")), ResourceError("does-not-fit", "no"), told.append)
+        advice.with_advice(plan_job(loads(text, "my.toml")), ResourceError("does-not-fit", "no"), told.append)
         assert any("two chips" in each for each in told) is tried

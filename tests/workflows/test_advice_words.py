@@ -13,7 +13,7 @@ from servogen.engines.player.shares import Share, Shares
 from servogen.errors import InputError
 from servogen.job import PlannedJob, loads, plan_job
 from servogen.workflows import advice
-from servogen.workflows.advice import Advice, ResourceUse, TriedChange, advised
+from servogen.workflows.advice import Advice, ResourceUse, TriedChange, with_advice
 from tests.engines.player.player_jobs import job_text, poses
 from tests.workflows.test_advice import TRIPOD
 
@@ -36,7 +36,7 @@ def tried(job: PlannedJob, code: str, monkeypatch: pytest.MonkeyPatch, fits: str
     use = ResourceUse(900, 300, 1.5)
     monkeypatch.setattr(advice, "table_shares", lambda job: None)
     monkeypatch.setattr(advice, "tried_fit", lambda job, change: use if change.text == fits else None)
-    advised(job, InputError(code, "too much"), told.append, lambda: 0.0)
+    with_advice(job, InputError(code, "too much"), told.append, lambda: 0.0)
     assert all(each.startswith("trying ") for each in told)
     return [each.removeprefix("trying ") for each in told]
 
@@ -109,11 +109,11 @@ def test_time_is_up_after_five_minutes_and_not_before(
     monkeypatch.setattr(advice, "tried_fit", lambda job, change: None)
     told: list[str] = []
     clock = iter([100.0, 400.0, *[400.1] * 9])
-    found = advised(motion, InputError("does-not-fit", "too much"), told.append, lambda: next(clock))
+    found = with_advice(motion, InputError("does-not-fit", "too much"), told.append, lambda: next(clock))
     assert told == ["trying only the first 3 poses"]
     assert found.hint == "after 300 s no further changes were tried"
     nothing = InputError("does-not-fit", "too much")
-    assert advised(motion, nothing, now=lambda: 0.0) is nothing, "without advice it is the same error"
+    assert with_advice(motion, nothing, now=lambda: 0.0) is nothing, "without advice it is the same error"
 
 
 def parts(count: int) -> tuple[Share, ...]:

@@ -19,7 +19,7 @@ from servogen.pulse import PulseSchedule
 from servogen.pulse.schedule import Channel, Pulse, Run
 from servogen.units import Clock, Cycles
 from servogen.workflows import capture as capturing
-from servogen.workflows.capture import CaptureSettings, capture, capture_by_sigrok, check_rate, wanted_of
+from servogen.workflows.capture import CaptureSettings, capture, capture_by_sigrok, capture_needs, check_rate
 
 MHZ4 = Clock(4_000_000)
 ARM, HAND = Channel("arm", "RB1", "futaba-s3001"), Channel("hand", "RA0", "futaba-s3001")
@@ -63,7 +63,7 @@ def needs(edges: Fraction | int, frames: int, fewest: Fraction | int, most: int)
 def test_a_capture_is_of_the_whole_schedule_or_of_the_asked_time(
     schedule: PulseSchedule | None, seconds: float | None, wanted: CaptureNeeds
 ) -> None:
-    assert wanted_of(schedule, seconds) == wanted
+    assert capture_needs(schedule, seconds) == wanted
 
 
 def test_a_sample_may_be_as_long_as_a_glitch() -> None:

@@ -13,7 +13,7 @@ from servogen.checker import read_certificate
 from servogen.checker.certificate import fingerprint
 from servogen.pic.image import Image, read_hex
 from servogen.programs import read_schedule
-from servogen.workflows.certificates import beside, checked
+from servogen.workflows.certificates import beside, check_file
 from tests.campaigns import sampled
 from tests.prove.attack import servogen
 
@@ -49,11 +49,11 @@ def test_one_is_valid_for_its_program_only() -> None:
     folder = ROOT / "firmware" / JOB
     schedule = read_schedule(folder / "schedule.json")
     file = beside(KEPT / JOB / "main.hex")
-    assert checked(file, image_of(folder / "main.hex"), schedule).text == "proven, checked"
-    other = checked(file, image_of(folder / "main.sdcc.hex"), schedule)
+    assert check_file(file, image_of(folder / "main.hex"), schedule).text == "proven, checked"
+    other = check_file(file, image_of(folder / "main.sdcc.hex"), schedule)
     assert (other.valid, other.missing) == (False, False)
     assert "another program" in other.text
-    assert checked(KEPT / "none", image_of(folder / "main.hex"), schedule).text == "no certificate"
+    assert check_file(KEPT / "none", image_of(folder / "main.hex"), schedule).text == "no certificate"
 
 
 def test_demo_shows_what_the_checker_says(tmp_path: Path) -> None:

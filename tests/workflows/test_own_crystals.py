@@ -34,7 +34,7 @@ from servogen.programs import read_pair
 from servogen.simulator import Levels, Machine, Stimuli
 from servogen.traces.captures import capture_writer
 from servogen.units import Cycles
-from servogen.watch.subject import Setting, load_subject, theorem_of
+from servogen.watch.subject import Setting, load_subject, proven_sentence
 from servogen.workflows.own_crystals import outwards
 from servogen.workflows.pair import judge_pair
 from servogen.workflows.pair_capture import Schedules, judge_pair_capture
@@ -182,7 +182,7 @@ def test_watch_and_rig_say_that_they_run_two_crystals_at_equal_rates(
     subject = load_subject(tmp_path / "arm.toml", Setting())
     assert subject.first_difference is None
     for shown in (subject, subject.showing(1)):
-        assert ("both crystals at equal rates" in theorem_of(shown)) is rates
+        assert ("both crystals at equal rates" in proven_sentence(shown)) is rates
     rig_command.paired_rig(plan_job(loads(text, "arm.toml")), None)
     assert ("both crystals at equal rates" in capsys.readouterr().err) is rates
 

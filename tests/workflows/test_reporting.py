@@ -15,7 +15,7 @@ from servogen.plan_error import PlanError
 from servogen.traces.captures import Capture
 from servogen.units import Clock, Cycles
 from servogen.workflows import reporting
-from servogen.workflows.reporting import ReportPage, capture_facts, page_of
+from servogen.workflows.reporting import ReportPage, build_page, capture_facts
 
 CAPTURE = Capture(EdgeTrace(Clock(4_000_000), (), Cycles(10)), sample=1.0)
 
@@ -84,5 +84,5 @@ def test_that_the_robot_is_moved_is_said_before_it_is(monkeypatch: pytest.Monkey
     monkeypatch.setattr(reporting, "twin_of_build", twin_of_build)
     job: Any = "job"
     with pytest.raises(ToolError, match="no MuJoCo for job and build"):
-        page_of(job, progress=told.append, twin=True)
+        build_page(job, progress=told.append, twin=True)
     assert told == ["moving the robot"]

@@ -25,12 +25,11 @@ from servogen.traces.captures import Capture
 from servogen.units import Clock, Cycles
 from servogen.verify import Tolerances
 from servogen.workflows import verification
-from servogen.workflows.certificates import checked
+from servogen.workflows.certificates import check_file
 from servogen.workflows.verification import (
     Forever,
     chip_warnings,
-    cycle_of,
-    end_of,
+    compared_end,
     hidden_by,
     judge_capture,
     judge_edges,
@@ -38,6 +37,7 @@ from servogen.workflows.verification import (
     judge_forever,
     motion_cycles,
     running,
+    warning_cycle,
 )
 from tests.edges.rows import chunk
 
@@ -71,7 +71,7 @@ def test_a_recording_with_an_end_is_compared_to_its_end() -> None:
     assert motion_cycles(SCHEDULE) == 3 * FRAME
     found = judge_file(SCHEDULE, seen(3, FIRST + 3 * FRAME), tells_end=True)
     assert (found.passed, found.span.compared, found.span.frames) == (True, 3 * FRAME, 3)
-    assert end_of(found) == FIRST + 3 * FRAME
+    assert compared_end(found) == FIRST + 3 * FRAME
     short = judge_file(SCHEDULE, seen(3, FIRST + 3 * FRAME - 1), tells_end=True)
     assert (short.passed, short.agrees, short.reasons[-1]) == (False, True, MISSING)
     for end in (FIRST + 3 * FRAME + 1, FIRST + 3 * FRAME + 10_000):  # the fourth frame has no pulse
@@ -79,7 +79,7 @@ def test_a_recording_with_an_end_is_compared_to_its_end() -> None:
         assert (longer.agrees, longer.span.asked) == (False, end - FIRST)
     silent = judge_file(SCHEDULE, seen(0, 100_000), tells_end=True)
     assert silent.reasons == ("no scheduled pin ever rises; RB0 should be the first",)
-    assert (silent.span.asked, end_of(silent)) == (100_000, None)
+    assert (silent.span.asked, compared_end(silent)) == (100_000, None)
     assert judge_file(SCHEDULE, seen(0, 1000), tells_end=True).span.asked == 3 * FRAME
 
 
@@ -186,7 +186,7 @@ def test_warnings_of_a_chip_get_the_lines_of_their_addresses_and_end_with_what_i
     chip = machine(*warnings)
     assert chip_warnings(chip) == tuple(warnings)
     assert chip_warnings(chip, Cycles(10)) == (warnings[0], warnings[3]), "without a cycle it is of the start"
-    assert cycle_of(warnings[3]) == 0
+    assert warning_cycle(warnings[3]) == 0
     found = [str(each.location or "") for each in chip_warnings(chip, None, listing)]
     assert found == [
         "a.c:12: cycle 9, address 0x000",
@@ -279,7 +279,7 @@ def test_a_schedule_without_a_pulse_has_no_frames_to_repeat() -> None:
 
 def test_a_certificate_is_missing_refused_or_valid(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "main.cert.xz"
-    missing = checked(file, Image({}), SCHEDULE)
+    missing = check_file(file, Image({}), SCHEDULE)
     assert (missing.text, missing.valid, missing.missing) == ("no certificate", False, True)
     file.write_bytes(b"x")
     refused: list[str] = []
@@ -295,11 +295,11 @@ def test_a_certificate_is_missing_refused_or_valid(tmp_path: Path, monkeypatch: 
         monkeypatch.setattr(
             "servogen.workflows.certificates.read_certificate", lambda *given, claim=claim: claim
         )
-        found = checked(file, Image({}), SCHEDULE)
+        found = check_file(file, Image({}), SCHEDULE)
         assert (found.text, found.valid, found.missing) == (text, True, False)
     refused.append("it is of another program")
-    found = checked(file, Image({}), SCHEDULE)
+    found = check_file(file, Image({}), SCHEDULE)
     assert (found.text, found.valid, found.missing) == ("refused: it is of another program", False, False)
     file.write_bytes(bytes((4 << 20) + 1))
     with pytest.raises(InputError, match="is larger than 4 MiB"):
-        checked(file, Image({}), SCHEDULE)
+        check_file(file, Image({}), SCHEDULE)

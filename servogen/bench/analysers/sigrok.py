@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from servogen.errors import InputError, Location, ToolError
-from servogen.traces.channels import wires_of
+from servogen.traces.channels import parse_wires
 
 PROGRAM = "sigrok-cli"
 SUFFIX = ".sr"
@@ -142,7 +142,7 @@ class SigrokLook:
 
 def sigrok_wires(texts: Iterable[str]) -> tuple[tuple[str, str], ...]:
     """Return channels and pins from texts such as `D0=RB0`. Raises InputError."""
-    wired = wires_of(texts)
+    wired = parse_wires(texts)
     if not wired:
         raise InputError(
             "bad-wiring",
@@ -152,7 +152,7 @@ def sigrok_wires(texts: Iterable[str]) -> tuple[tuple[str, str], ...]:
     return tuple(wired.items())
 
 
-def command_of(look: SigrokLook, output: Path) -> tuple[str, ...]:
+def sigrok_args(look: SigrokLook, output: Path) -> tuple[str, ...]:
     """Return the command to run."""
     config = f"samplerate={look.rate}" + (":rle=on" if look.rle else "")
     channels = ",".join(f"{channel}={pin}" for channel, pin in look.wires)
@@ -187,7 +187,7 @@ def _captured(look: SigrokLook, output: Path, environment: Mapping[str, str]) ->
     seconds = look.samples / look.rate
     try:
         completed = subprocess.run(
-            command_of(look, output),
+            sigrok_args(look, output),
             stdin=subprocess.DEVNULL,
             capture_output=True,
             text=True,

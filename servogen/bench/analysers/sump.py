@@ -147,7 +147,7 @@ def encode(runs: Runs, bits: int = WORD_BITS) -> Words:
 def decode(words: Words, rle: bool, bits: int = WORD_BITS) -> Runs:
     """Return the samples in `words`, oldest first; a count without a value before it is ignored."""
     if not rle:
-        return merged(words, np.arange(len(words), dtype=np.int64), len(words))
+        return merge_runs(words, np.arange(len(words), dtype=np.int64), len(words))
     longest = longest_count(bits)
     # Before the first value there may be a count whose value was overwritten.
     is_count = words > longest
@@ -156,10 +156,10 @@ def decode(words: Words, rle: bool, bits: int = WORD_BITS) -> Runs:
     lasting = np.where(is_count, words & longest, 1).astype(np.int64)
     ends = np.cumsum(lasting)
     is_sample = ~is_count
-    return merged(words[is_sample], (ends - lasting)[is_sample], int(ends[-1]) if len(ends) else 0)
+    return merge_runs(words[is_sample], (ends - lasting)[is_sample], int(ends[-1]) if len(ends) else 0)
 
 
-def merged(value: Words, start: Ints, end: int) -> Runs:
+def merge_runs(value: Words, start: Ints, end: int) -> Runs:
     """Return runs in which neighbours differ."""
     keep = np.ones(len(value), dtype=bool)
     keep[1:] = value[1:] != value[:-1]
@@ -216,7 +216,7 @@ def wires(texts: Iterable[str], pair: bool = False) -> Mapping[int, int]:
     return wired or (PAIR_WIRES if pair else dict(enumerate(CHANNEL_PINS)))
 
 
-def channel_of(pin: str, wired: Mapping[int, int], pair: bool = False) -> int:
+def wired_channel(pin: str, wired: Mapping[int, int], pair: bool = False) -> int:
     """Return the channel connected to `pin`, of two chips `1.RB0`. Raises InputError."""
     known = PAIR_NAMES if pair else PIN_NAMES
     names = {known[number]: channel for channel, number in wired.items()}

@@ -48,13 +48,13 @@ def remarks(image: Image, device: Device) -> tuple[Diagnostic, ...]:
     if device.name == "PIC16F84":
         text = "the PIC16F84 has no device ID: no programmer can tell whether this is the chip in the socket"
         warnings.append(Diagnostic("warning", "no-device-id", text))
-    if protected(image, device):
+    if is_protected(image, device):
         text = "code protection is on: the chip cannot be read again, only erased"
         warnings.append(Diagnostic("warning", "code-protected", text))
     return tuple(warnings)
 
 
-def protected(image: Image, device: Device) -> bool:
+def is_protected(image: Image, device: Device) -> bool:
     mask = device.code_protect_mask
     return image.config is not None and image.config & mask != mask
 
@@ -90,7 +90,7 @@ class Flashed:
     compared: tuple[str, ...]
 
 
-def command_of(tool: InstalledProgrammer, order: ProgrammingRequest) -> tuple[str, ...]:
+def programming_command(tool: InstalledProgrammer, order: ProgrammingRequest) -> tuple[str, ...]:
     """Return the command that programs. Raises InputError if it needs a port and none is given."""
     if tool.programmer.needs_port and order.port is None:
         raise InputError(
@@ -105,7 +105,7 @@ def flash(
     tool: InstalledProgrammer, order: ProgrammingRequest, image: Image, timeout_s: float = TIMEOUT_S
 ) -> Flashed:
     """Program the chip. Raises ToolError or Differs."""
-    command = command_of(tool, order)
+    command = programming_command(tool, order)
     port = order.port if tool.programmer.needs_port else None
     with nullcontext() if port is None else held(port):
         code, output = _run(command, tool.programmer, order.port, timeout_s)
@@ -133,7 +133,7 @@ def read_eeprom(
         raise InputError(
             "not-allowed", f"reading the data EEPROM with {tool.programmer.name} is not supported"
         )
-    if protected(image, order.device):
+    if is_protected(image, order.device):
         raise InputError("not-allowed", "the chip is code protected: its data EEPROM cannot be read")
     with nullcontext() if order.port is None else held(order.port):
         read = _read(tool, order, image, timeout_s, lambda look: look.of_eeprom)
@@ -189,7 +189,7 @@ def _read(
 ) -> Contents:
     """Return everything that can be read back; for a code-protected chip, what it still reveals."""
     contents: dict[str, Sequence[int]] = {}
-    closed = protected(image, order.device)
+    closed = is_protected(image, order.device)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "read.hex"
         for look in tool.programmer.looks(replace(order, file=file)):

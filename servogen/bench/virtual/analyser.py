@@ -111,7 +111,7 @@ class VirtualCapture:
         """Append samples; levels between two samples are never seen."""
         seen = np.append(new.start[1:] > new.start[:-1], new.start[-1] < new.end)
         value = np.concatenate((self._runs.value, new.value[seen]))
-        self._runs = sump.merged(value, np.concatenate((self._runs.start, new.start[seen])), new.end)
+        self._runs = sump.merge_runs(value, np.concatenate((self._runs.start, new.start[seen])), new.end)
 
     def _look_for_trigger(self) -> None:
         runs, index = self._runs, 0
@@ -134,7 +134,7 @@ class VirtualCapture:
         value = _enabled_groups(runs.value, self._groups)
         if self.flags & Flag.RLE:
             masked = value & np.uint32(sump.longest_count(self._bits))
-            return sump.encode(sump.merged(masked, runs.start, runs.end), self._bits)
+            return sump.encode(sump.merge_runs(masked, runs.start, runs.end), self._bits)
         return np.repeat(value, np.diff(np.append(runs.start, runs.end)))
 
 

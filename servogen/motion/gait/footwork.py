@@ -96,7 +96,7 @@ class Frames:
         )
 
 
-def joined(parts: Sequence[Frames]) -> Frames:
+def join_frames(parts: Sequence[Frames]) -> Frames:
     """Return the frames of all parts, one part after the other."""
     return Frames(
         np.concatenate([part.angles for part in parts]),

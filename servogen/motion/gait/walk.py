@@ -17,7 +17,7 @@ from servogen.errors import InputError
 from servogen.kinematics.protocol import Posture, WalkingRobot
 from servogen.kinematics.stance import tilt
 from servogen.motion.gait.collisions import GAP_M, nearest_collision
-from servogen.motion.gait.footwork import MAX_BEYOND, Footwork, Frames, HeldBack, footwork, joined
+from servogen.motion.gait.footwork import MAX_BEYOND, Footwork, Frames, HeldBack, footwork, join_frames
 from servogen.motion.gait.phases import Gait, PhaseChange
 from servogen.motion.gait.stability import margin
 from servogen.motion.gait.steps import SAME_M, Segment
@@ -344,7 +344,7 @@ def _time_walk(
     plan = replace(plan, gait=gait.on_frames(count))
     plan = replace(plan, beyond=plan.reach_beyond((*segments, *others), count, lost))
     parts, begins = plan.frames_of_route(segments, count)
-    frames = joined(parts)
+    frames = join_frames(parts)
     loop_start = len(frames.angles) - count if segments[-1].cycles is None else 0
     angles = frames.angles.reshape(len(frames.angles), -1)
     # It stands before its first frame. Three more frames show the speed, acceleration and jerk across the end

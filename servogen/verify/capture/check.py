@@ -10,7 +10,7 @@ grid.
                            ╰──▶n          so that a width is right to less than one sample
 
 A file may hold several captures. Each is judged separately, with its own phase, because the time between two
-is not known; `merged` makes one verdict of all.
+is not known; `merge_verdicts` makes one verdict of all.
 
     piece 1              piece 2
     __┌┐____┌┐____┊  ?  ┊__┌┐____┌┐____┊     no period is measured across a seam
@@ -41,7 +41,7 @@ from servogen.verify.capture.verdict import (
     with_reasons,
 )
 from servogen.verify.compare import whole_motion
-from servogen.verify.coverage import coverage, joined
+from servogen.verify.coverage import coverage, join_coverages
 from servogen.verify.pulses import (
     FramedPulses,
     Levels,
@@ -113,7 +113,7 @@ def verify_capture(
     if pieces:
         verdicts = [_verdict(expected, piece, allowed, sampled) for piece in split(captured, pieces)]
         step_us = float(captured.clock.cycle_us)
-        verdict = merged(verdicts, [begin * step_us for begin, _ in pieces])
+        verdict = merge_verdicts(verdicts, [begin * step_us for begin, _ in pieces])
     else:
         verdict = with_reasons(_verdict(expected, captured, allowed, sampled))
     if sampled.too_slow(allowed.glitch_us) and not _exact(verdict, float(captured.clock.cycle_us)):
@@ -327,7 +327,7 @@ def split(captured: EdgeTrace, pieces: Sequence[tuple[int, int]]) -> Iterator[Ed
         yield EdgeTrace(captured.clock, (edge_chunk(*columns),), Cycles(end - begin))
 
 
-def merged(verdicts: Sequence[CaptureVerdict], begins_us: Sequence[float]) -> CaptureVerdict:
+def merge_verdicts(verdicts: Sequence[CaptureVerdict], begins_us: Sequence[float]) -> CaptureVerdict:
     """Return the verdict on all pieces, from the verdict on each and its beginning."""
     ppm, ppm_error = joint_clock(verdicts)
     mismatches = [
@@ -366,7 +366,7 @@ def merged(verdicts: Sequence[CaptureVerdict], begins_us: Sequence[float]) -> Ca
             paired=sum(verdict.paired for verdict in verdicts),
             whole=verdicts[0].whole if len(verdicts) == 1 else None,
             line=verdicts[0].line if len(verdicts) == 1 else None,
-            coverage=joined(verdict.coverage for verdict in verdicts),
+            coverage=join_coverages(verdict.coverage for verdict in verdicts),
             pieces=pieces,
         )
     )
