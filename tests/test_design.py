@@ -443,3 +443,43 @@ def imports_of(file: Path) -> list[tuple[int, str]]:
                 if alias.name.startswith("servogen.")
             ]
     return found
+
+
+OF_OTHER_PROTOCOLS = {"_repr_html_", "_repr_svg_", "_replace", "_asdict", "_exit", "_axis_map"}
+"""Of notebooks, named tuples and `os`, and what Matplotlib has in no other way."""
+
+
+def private_uses(tree: ast.Module) -> Iterator[str]:
+    """What a test takes from another module or object by a private name: line and name.
+
+    A name that the file itself makes is its own.
+    """
+    own = {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.ClassDef)}
+    for node in ast.walk(tree):
+        match node:
+            case ast.ImportFrom(names=names):
+                used = [each.name for each in names]
+            case ast.Attribute(value=ast.Name("self" | "cls")):
+                continue
+            case ast.Attribute(attr=name):
+                used = [name]
+            case _:
+                continue
+        for name in used:
+            private = name.startswith("_") and not name.startswith("__")
+            if private and name not in own | OF_OTHER_PROTOCOLS:
+                yield f"{node.lineno}: {name}"
+
+
+def test_no_test_takes_what_is_private_of_another_object() -> None:
+    found = [
+        f"{file.relative_to(ROOT)}:{use}"
+        for file in sorted((ROOT / "tests").rglob("*.py"))
+        for use in private_uses(tree_of(file))
+    ]
+    assert not found, "\n".join(found)
+
+
+def test_a_private_name_of_another_object_is_seen() -> None:
+    text = "from a import _b, c\nself._d = c.e._f\ndef _g(): ...\nc._g\nc.__dict__\nc._repr_html_()\n"
+    assert [*private_uses(ast.parse(text))] == ["1: _b", "2: _f"]

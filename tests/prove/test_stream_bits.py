@@ -247,8 +247,8 @@ def test_the_solver_keeps_its_examples_and_has_twenty_minutes(monkeypatch: pytes
         Bitwuzla=lambda manager, options: None,
         Result=SimpleNamespace(SAT=1, UNSAT=0),
     )
-    monkeypatch.setattr(module, "_library", lambda: library)
-    monkeypatch.setattr(module, "_manager", lambda: None)
+    monkeypatch.setattr(module, "solver_library", lambda: library)
+    monkeypatch.setattr(module, "term_manager", lambda: None)
     Solver()
     assert asked == {"examples": True, "limit in ms": 20 * 60 * 1000}
 
@@ -263,7 +263,7 @@ def test_an_answer_that_does_not_come_in_time_is_none(monkeypatch: pytest.Monkey
         def check_sat(self, statement: object) -> object:
             return bitwuzla.Result.UNKNOWN
 
-    monkeypatch.setattr(solver, "_solver", Slow())
+    monkeypatch.setattr(solver, "solver", Slow())
     with pytest.raises(GivenUp):
         solver.possible(unknown("x").equals(1))
 
@@ -271,6 +271,6 @@ def test_an_answer_that_does_not_come_in_time_is_none(monkeypatch: pytest.Monkey
 def test_a_proof_for_any_line_names_the_package_that_it_needs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "find_spec", lambda name: None)
     with pytest.raises(ToolError) as error:
-        module._library.__wrapped__()
+        module.solver_library.__wrapped__()
     assert error.value.message == "the proof for any line needs the solver bitwuzla"
     assert error.value.hint == "pip install 'servogen[solver]'"

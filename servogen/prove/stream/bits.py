@@ -25,7 +25,7 @@ class GivenUp(Exception):
 
 
 @cache
-def _library() -> Any:
+def solver_library() -> Any:
     """Return the solver's module. Raises ToolError if it is not installed."""
     if find_spec("bitwuzla") is None:
         raise ToolError(
@@ -37,22 +37,22 @@ def _library() -> Any:
 
 
 @cache
-def _manager() -> Any:
-    return _library().TermManager()
+def term_manager() -> Any:
+    return solver_library().TermManager()
 
 
 @cache
 def _sort(width: int) -> Any:
-    return _manager().mk_bv_sort(width)
+    return term_manager().mk_bv_sort(width)
 
 
 @cache
 def _number(width: int, value: int) -> Any:
-    return _manager().mk_bv_value(_sort(width), value)
+    return term_manager().mk_bv_value(_sort(width), value)
 
 
 def _term(kind: str, *operands: Any, indices: tuple[int, ...] = ()) -> Any:
-    return _manager().mk_term(getattr(_library().Kind, kind), list(operands), list(indices))
+    return term_manager().mk_term(getattr(solver_library().Kind, kind), list(operands), list(indices))
 
 
 class Truth:
@@ -68,7 +68,7 @@ class Truth:
     def term(self) -> Any:
         """Return the solver's term, made when it is first needed."""
         if self._node is None:
-            self._node = _manager().mk_true() if self.known else _manager().mk_false()
+            self._node = term_manager().mk_true() if self.known else term_manager().mk_false()
         return self._node
 
     def __and__(self, other: Truth) -> Truth:
@@ -237,7 +237,7 @@ def byte(value: int) -> Bits:
 
 def unknown(name: str, width: int = 8) -> Bits:
     """Return bits of which nothing is known; each call makes others."""
-    return Bits(width, None, _manager().mk_const(_sort(width), name))
+    return Bits(width, None, term_manager().mk_const(_sort(width), name))
 
 
 def choose(condition: Truth, yes: Bits, no: Bits) -> Bits:
@@ -328,11 +328,11 @@ class Solver:
 
     def forget(self) -> None:
         """Begin anew: what was learned of other terms only makes the next questions slower."""
-        library = _library()
+        library = solver_library()
         options = library.Options()
         options.set(library.Option.PRODUCE_MODELS, True)
         options.set(library.Option.TIME_LIMIT_PER, TIME_LIMIT_MS)
-        self._solver = library.Bitwuzla(_manager(), options)
+        self.solver = library.Bitwuzla(term_manager(), options)
         self._sat, self._unsat = library.Result.SAT, library.Result.UNSAT
 
     def possible(self, statement: Truth) -> bool:
@@ -340,7 +340,7 @@ class Solver:
         if statement.known is not None:
             return statement.known
         self.questions += 1
-        result = self._solver.check_sat(statement.term)
+        result = self.solver.check_sat(statement.term)
         if result == self._sat:
             return True
         if result == self._unsat:
@@ -351,4 +351,4 @@ class Solver:
         """Return the value of bits in the last possible statement."""
         if bits.value is not None:
             return bits.value
-        return int(self._solver.get_value(bits.term).value(10))
+        return int(self.solver.get_value(bits.term).value(10))
