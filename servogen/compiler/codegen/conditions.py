@@ -186,21 +186,21 @@ def _equal_in_one_byte(gen: FunctionGenerator, variable: list[Operand], value: l
         gen.emit("IORWF", byte, 0)
 
 
-def differ(gen: FunctionGenerator, one: Operand, two: Operand) -> None:
+def differ(gen: FunctionGenerator, left: Operand, right: Operand) -> None:
     """Set Z if two bytes are equal."""
-    if isinstance(one, Imm):
-        one, two = two, one
-    if two == Imm(0) and not isinstance(one, Imm):
-        gen.emit("MOVF", one, 0)
-    elif isinstance(one, Imm):
-        gen.load(one)
-        gen.emit("XORLW", k=two.value if isinstance(two, Imm) else 0)
-    elif isinstance(two, Imm):
-        gen.load(one)
-        gen.emit("XORLW", k=two.value)
+    if isinstance(left, Imm):
+        left, right = right, left
+    if right == Imm(0) and not isinstance(left, Imm):
+        gen.emit("MOVF", left, 0)
+    elif isinstance(left, Imm):
+        gen.load(left)
+        gen.emit("XORLW", k=right.value if isinstance(right, Imm) else 0)
+    elif isinstance(right, Imm):
+        gen.load(left)
+        gen.emit("XORLW", k=right.value)
     else:
-        gen.load(two)
-        gen.emit("XORWF", one, 0)
+        gen.load(right)
+        gen.emit("XORWF", left, 0)
 
 
 # zero

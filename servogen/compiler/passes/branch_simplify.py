@@ -170,7 +170,7 @@ def goes_through(test: Instruction, ins: Instruction) -> bool:
         return ins.f != STATUS and not ins.flags
     if not isinstance(test.f, Byte) or test.f.symbol.volatile:
         return not ins.writes_f or ins.f == STATUS
-    return not ins.writes_f or ins.f == STATUS or _apart(ins, test)
+    return not ins.writes_f or ins.f == STATUS or _independent(ins, test)
 
 
 def _choice(blocks: list[Block], named: Counter[str]) -> bool:
@@ -232,7 +232,7 @@ def stays_in(test: Instruction, ins: Instruction) -> bool:
         return test.b <= Z and not ins.flags and not (ins.writes_f and _may_be_status(ins))
     if not isinstance(test.f, Byte) or test.f.symbol.volatile:
         return False
-    return not ins.writes_f or ((ins.op in BIT_WRITES or ins.op == "CLRF") and _apart(ins, test))
+    return not ins.writes_f or ((ins.op in BIT_WRITES or ins.op == "CLRF") and _independent(ins, test))
 
 
 def _may_be_status(ins: Instruction) -> bool:
@@ -240,11 +240,11 @@ def _may_be_status(ins: Instruction) -> bool:
     return ins.f in (STATUS, INDF) or (isinstance(ins.f, Byte) and ins.f.symbol.kind == "fixed")
 
 
-def _apart(one: Instruction, two: Instruction) -> bool:
+def _independent(first: Instruction, second: Instruction) -> bool:
     """Return whether two instructions certainly refer to different bytes; a pointer may lead anywhere."""
-    if isinstance(one.f, Byte):
-        return one.f != two.f and "fixed" not in (one.f.symbol.kind, two.f.symbol.kind)  # type: ignore[union-attr]
-    return one.f is not None and one.f.address & 0x7F > 4
+    if isinstance(first.f, Byte):
+        return first.f != second.f and "fixed" not in (first.f.symbol.kind, second.f.symbol.kind)  # type: ignore[union-attr]
+    return first.f is not None and first.f.address & 0x7F > 4
 
 
 def _count_down(function: Function) -> bool:

@@ -89,12 +89,12 @@ def is_timed(ins: Instruction) -> bool:
     return ins.op == DELAY or ins.target.startswith("__delay")
 
 
-def _common(lines: list[Line], one: int, two: int) -> int:
+def _common(lines: list[Line], first: int, second: int) -> int:
     """Return how many instructions before two places are the same; between the two stands a jump or a label,
     at which the run of the later one ends.
     """
     best = 0
-    before = zip(reversed(range(one)), reversed(range(two)), strict=False)
+    before = zip(reversed(range(first)), reversed(range(second)), strict=False)
     for length, (a, b) in enumerate(before, 1):
         if not _same(lines[a], lines[b]):
             break
@@ -104,11 +104,11 @@ def _common(lines: list[Line], one: int, two: int) -> int:
     return best
 
 
-def _same(one: Line, two: Line) -> bool:
+def _same(first: Line, second: Line) -> bool:
     """Return whether two lines are the same instruction, and one that may be shared."""
-    if isinstance(one, Label) or isinstance(two, Label) or one.fixed or two.fixed:
+    if isinstance(first, Label) or isinstance(second, Label) or first.fixed or second.fixed:
         return False
-    return one.op != DELAY and one.op not in ENDS and one.key == two.key
+    return first.op != DELAY and first.op not in ENDS and first.key == second.key
 
 
 def _merge(

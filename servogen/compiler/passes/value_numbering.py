@@ -101,11 +101,11 @@ class _Tracker:
             if ins.fixed and ins.op not in IDLE:
                 state.clear()  # assembly may reach variables by their addresses
 
-    def _join(self, one: State | None, two: State | None) -> State | None:
+    def _join(self, left: State | None, right: State | None) -> State | None:
         """Return what holds on both of two edges; None is an edge that control does not take."""
-        if one is None or two is None:
-            return two if one is None else one
-        return _common(one, two)
+        if left is None or right is None:
+            return right if left is None else left
+        return _common(left, right)
 
     def _meet(self, label: str, sources: int, state: State | None) -> State | None:
         """Return what holds at a label: on all jumps to it and on the path that falls into it."""
@@ -270,6 +270,6 @@ class _Tracker:
                 return
 
 
-def _common(one: State, two: State) -> State:
+def _common(left: State, right: State) -> State:
     """Return what two states agree on."""
-    return {loc: value for loc, value in one.items() if two.get(loc) == value}
+    return {loc: value for loc, value in left.items() if right.get(loc) == value}

@@ -109,44 +109,44 @@ def constant(number: int) -> Value:
     return _CONSTANTS[number]
 
 
-def combined(one: Value, other: Value, operation: Callable[[int, int], int]) -> Value:
+def combined(left: Value, right: Value, operation: Callable[[int, int], int]) -> Value:
     """Return the results of an operation on every pair of members; `ANY` if there are too many pairs."""
-    if one.members is None or other.members is None or len(one.members) * len(other.members) > 64:
+    if left.members is None or right.members is None or len(left.members) * len(right.members) > 64:
         return ANY
-    return _of_set(frozenset(operation(a, b) & 0xFF for a in one.members for b in other.members))
+    return _of_set(frozenset(operation(a, b) & 0xFF for a in left.members for b in right.members))
 
 
-def conjunction(one: Value, other: Value) -> Value:
+def conjunction(left: Value, right: Value) -> Value:
     """Return the bitwise AND of every pair of members."""
-    if one.members is not None and other.members is not None:
-        return combined(one, other, lambda a, b: a & b)
-    return of_bits(one.may_be_0 | other.may_be_0, one.may_be_1 & other.may_be_1)
+    if left.members is not None and right.members is not None:
+        return combined(left, right, lambda a, b: a & b)
+    return of_bits(left.may_be_0 | right.may_be_0, left.may_be_1 & right.may_be_1)
 
 
-def disjunction(one: Value, other: Value) -> Value:
+def disjunction(left: Value, right: Value) -> Value:
     """Return the bitwise OR of every pair of members."""
-    if one.members is not None and other.members is not None:
-        return combined(one, other, lambda a, b: a | b)
-    return of_bits(one.may_be_0 & other.may_be_0, one.may_be_1 | other.may_be_1)
+    if left.members is not None and right.members is not None:
+        return combined(left, right, lambda a, b: a | b)
+    return of_bits(left.may_be_0 & right.may_be_0, left.may_be_1 | right.may_be_1)
 
 
-def mapped(one: Value, operation: Callable[[int], int]) -> Value:
+def mapped(value: Value, operation: Callable[[int], int]) -> Value:
     """Return the results of an operation on every member."""
-    return _of_set(frozenset(operation(member) & 0xFF for member in one))
+    return _of_set(frozenset(operation(member) & 0xFF for member in value))
 
 
-def where(one: Value, condition: Callable[[int], bool]) -> Value | None:
+def where(value: Value, condition: Callable[[int], bool]) -> Value | None:
     """Return the members that satisfy a condition; None if there are none."""
-    members = frozenset(filter(condition, one))
+    members = frozenset(filter(condition, value))
     return _of_set(members) if members else None
 
 
-def zero_flag(one: Value) -> Value:
+def zero_flag(result: Value) -> Value:
     """Return the zero flag of a result."""
-    has_zero = 0 in one
+    has_zero = 0 in result
     if not has_zero:
         return _CONSTANTS[0]
-    return _CONSTANTS[1] if one.constant == 0 else BIT
+    return _CONSTANTS[1] if result.constant == 0 else BIT
 
 
 class Sets:
@@ -204,4 +204,4 @@ def _of_members(operation: Callable[[int, int], int], a: Value, b: Value, unknow
     """Return the results of an operation on every pair of members; `unknown` if there are too many."""
     if a.size * b.size > MAX_COMBINATIONS:
         return unknown
-    return of(operation(one, other) for one in a for other in b)
+    return of(operation(left, right) for left in a for right in b)
