@@ -18,7 +18,7 @@ from servogen.programs import JOB_SUFFIX, read_schedule
 from servogen.watch.differences import ScheduledEdges
 from servogen.watch.editing import Editor
 from servogen.watch.subject import Setting, load_subject
-from tests.watch.browser import Browser, Page, needs_axe, violations
+from tests.watch.browser import Browser, Page
 from tests.watch.serving import Running
 from tests.watch.test_session import captured, walk_capture  # noqa: F401 - a fixture
 
@@ -599,15 +599,3 @@ def test_the_keyboard_alone_suffices(watch: Open) -> None:
 def test_a_narrow_page_does_not_scroll_sideways(watch: Open, job: str) -> None:
     page = watch(ROOT / "jobs" / f"{job}.toml", width=390, height=844)
     assert page.run("document.documentElement.scrollWidth") <= 390
-
-
-@needs_axe
-@pytest.mark.parametrize("job", ["lab8-exercise", "hexapod-command", "stream-arm"])
-def test_axe_finds_nothing(watch: Open, job: str) -> None:
-    page = watch(ROOT / "jobs" / f"{job}.toml")
-    page.click("#labels button")
-    page.until("!document.getElementById('explanation').hidden")
-    for tabs in (("source", "chip"), ("job", "memory"), ("job", "serial"), ("job", "hands")):
-        for tab in tabs:
-            page.click(f"#tab-{tab}")
-        assert violations(page) == [], tabs
