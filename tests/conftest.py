@@ -51,7 +51,10 @@ def _the_parts_in_c_are_compiled() -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def _the_c_of_an_engine_is_compiled_once() -> Iterator[None]:
-    """Hundreds of tests build the same jobs; each gets a copy of its own."""
+    """Hundreds of tests build the same jobs; each gets a copy of its own.
+
+    Where a test patches the compiler itself, a job that was compiled before stays as it was.
+    """
     kept: dict[str, bytes] = {}
 
     def compiled(sources: Sequence[Source], options: Options) -> Compilation:
