@@ -436,6 +436,33 @@ def test_a_program_that_waits_for_a_byte_is_not_passed_over() -> None:
     assert not prove_for_all(image, schedule, ANY).proven
 
 
+def test_frames_without_a_pulse_are_not_passed_over() -> None:
+    """If byte 0 makes a delay before the first frame long, as TMR0 says, no frame has a pulse."""
+    first = f"""
+        clrf EEADR
+{READ}
+        comf EEDATA, w
+        movwf 0x3B
+        bsf STATUS, RP0
+        movlw 0xDF
+        movwf OPTION_REG
+        bcf STATUS, RP0
+        clrf TMR0
+        call sub
+        movf 0x3B, w
+{delayed("first")}
+        movf TMR0, w
+        andlw 0x80
+        movwf 0x3A
+        call sub
+"""
+    body = TRIMMED.replace("        bsf PORTB, 1\n", "        btfss 0x3A, 7\n        bsf PORTB, 1\n") + SUB
+    image, schedule = assembled(body.format(**TRIM | {"first": first})), schedule_of(307 + 1, 144)
+    assert prove_for_all(image, schedule).proven
+    found = prove_for_all(image, schedule, ANY)
+    assert not found.proven and found.reason.startswith("any EEPROM: no pulse comes"), found.reason
+
+
 def test_the_steps_are_limited(monkeypatch: pytest.MonkeyPatch) -> None:
     image, schedule = reading("        movf EEDATA, w\n        movwf 0x30\n", 2)
     monkeypatch.setattr(trims, "MAX_STEPS", 3)

@@ -94,6 +94,16 @@ def test_contents_for_which_the_tables_say_the_same_are_run_once_and_starts_shar
     assert runner.count == before, "0 and 5 have been run"
 
 
+def test_starts_that_shared_runs_no_longer_do_once_a_run_reads_where_they_differ() -> None:
+    """0x26 is read with bit 7 of 0x20 only; the contents of the first split have it clear."""
+    runner, start = runner_of(PROGRAM.replace("movwf 0x25", "addwf 0x26, f"))
+    one, two = (known(start, {SECOND: 0, HIGH + 1: value}) for value in (1, 2))
+    runner.run(one, split(FIRST, LOW))
+    for start, value in ((two, 2), (one, 1)):
+        runs = runner.run(start, split(FIRST, BYTE))
+        assert runs.written[HIGH + 1].tolist() == [value] * 128 + [(value + b) % 256 for b in BYTE[128:]]
+
+
 def test_every_pair_of_two_bytes_is_run() -> None:
     runner, start = runner_of()
     pairs = split(SECOND, BYTE, 2) | split(FIRST, LOW, 5)
