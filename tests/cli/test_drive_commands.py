@@ -87,8 +87,8 @@ def driven(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         return seen["course"]
 
     stand_in(monkeypatch, serial_link, "SerialLink", link)
-    stand_in(monkeypatch, controller, "controller_of", controlled)
-    stand_in(monkeypatch, request, "course_of", course)
+    stand_in(monkeypatch, controller, "job_controller", controlled)
+    stand_in(monkeypatch, request, "plan_course", course)
     return seen
 
 
