@@ -182,7 +182,7 @@ def test_the_state_is_shown_after_each_command_but_not_as_json(
     commands: list[str] = []
     changes: list[dict[str, Any]] = []
     made = request.plan_course
-    stand_in(monkeypatch, request, "course_of", lambda *given: replace(made(*given), **changes[-1]))
+    stand_in(monkeypatch, request, "plan_course", lambda *given: replace(made(*given), **changes[-1]))
     for state in ((lambda: "now"), None):
         changes.append({"state": state, "on_command": commands.append})
         for json_ in ((), ("--json",)):
