@@ -246,7 +246,9 @@ class TableRunner:
         if addresses and not pairing:
             split = self._with_constants(start, addresses, split)
         split = dict(sorted(split.items(), key=lambda item: str(item[0])))
-        key = start.rest, addresses, (*split,), pairing and pairing.table
+        # Which place depends on which byte belongs to the key: a class is what the tables of a byte say.
+        depends = tuple((place, table.addresses) for place, table in split.items())
+        key = start.rest, depends, pairing and pairing.table
         memory = self._memories.setdefault(key, _Memory())
         # With a pairing, the rows of the earlier runs are the classes: they determine what the tables say.
         classes = pairing.rows if pairing else memory.class_numbers(addresses, split.values())

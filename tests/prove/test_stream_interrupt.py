@@ -69,6 +69,11 @@ def fails_from(time: int) -> str:
     return f"    movlw   {256 - time}\n    addwf   TMR0, W\n    btfsc   STATUS, 0\n    clrf    TMR0\n"
 
 
+RARELY = "    movlw   0x37\n    xorwf   _value, W\n    btfsc   STATUS, 2\n"
+"""Words that skip the next one, but for one content of a byte of the C."""
+LOST = "    decf    _ticks, W\n    btfsc   STATUS, 2\n    clrf    _ticks\n"
+"""Words that lose the last interrupt before an edge, and do nothing to other counts."""
+
 AFTER = {
     "rise": ("bsf     _due, 2\n", "bsf     _due, 2\n{late}"),
     "fall before the last round but one": ("st_over:\n", "st_over:\n"),
@@ -148,6 +153,21 @@ def test_servos_on_two_ports_have_the_same_edges_a_pointer_later() -> None:
     found = guarantee(listing_of(compiled(job, streamed := stream(job)[1], "c2c").text), streamed, FINES)
     assert found.rise == 152 + 11
     assert found.samples.start_gap <= START_GAP + 9
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ("movf    _port, W\n", "movf    _next_port, W\n"),  # the fall is on the next pulse's port
+        ("movwf   _port\n", "nop\n"),  # that of the first pulse is all others', too
+        ("movf    _port, W\n    movwf   FSR", "movf    _port, W\n    nop"),
+    ],
+)
+def test_an_edge_on_the_other_port_is_noticed(before: str, after: str) -> None:
+    job = plan_job(loads(TWO_PORTS, "job.toml"))
+    changed = compiled(job, streamed := stream(job)[1], "c2c").text.replace(before, after)
+    with pytest.raises(InterruptChanged, match="not written to the port of its pulse"):
+        guarantee(listing_of(changed), streamed, FINES)
 
 
 def test_a_program_without_a_word_of_its_interrupt_is_refused(text: str) -> None:
@@ -234,6 +254,18 @@ def listing_of(text: str):  # type: ignore[no-untyped-def]
                 "goto    $+2\n    movf    _mask, W",
                 "jumps to an edge",
             ),
+            # A pulse is left out: always, or with one content of a byte. One that is prepared is cleared.
+            (
+                "goto    st_fall\n    clrf    _mask",
+                "goto    st_past\n    clrf    _mask",
+                "not the interrupt's",
+            ),
+            ("    clrf    _fine  ", f"{RARELY}    goto    st_past\n    clrf    _fine  ", "not on every path"),
+            ("goto    st_fall\n    clrf    _mask", "nop\n    clrf    _mask", "not the interrupt's"),
+            ("st_plain:\n", f"st_plain:\n{RARELY}    goto    st_no_pulse\n", "jumps to an edge"),
+            # Between two edges, the next one is made a rise, or moved.
+            ("st_late:\n", "st_late:\n    clrf    _rest\n", "moves an edge"),
+            ("st_plain:\n", "st_plain:\n    incf    _fine, F\n", "moves an edge"),
             # A flag is cleared that may not be set yet, or is that of another overflow.
             (
                 "btfss   _fine, 7\n    goto    st_early",
@@ -252,6 +284,12 @@ def listing_of(text: str):  # type: ignore[no-untyped-def]
             # What is done depends on how many interrupts are left until the edge, not only on the last.
             ("st_plain:\n", "st_plain:\n    btfsc   _ticks, 4\n    nop\n", "depends on how many"),
             ("st_plain:\n", "st_plain:\n    movf    _ticks, W\n    movwf   _t\n", "depends on how many"),
+            # The last but one of an undivided round becomes none; the number that stands for it is larger.
+            (
+                "st_late:\n    decf    _ticks, F\n",
+                f"st_late:\n    decf    _ticks, F\n{LOST}",
+                "depends on how many",
+            ),
             ("st_over:\n", "st_over:\n    btfss   _ticks, 1\n    nop\n", "depends on how many"),
             ("clrf    _rest\n", "btfss   _rest, 3\n    clrf    _rest\n", "depends on how many"),
             (
@@ -285,7 +323,7 @@ def listing_of(text: str):  # type: ignore[no-untyped-def]
             (
                 "movlw   0\n    btfsc   STATUS, 2",
                 "movlw   1\n    btfsc   STATUS, 2",
-                "does not clear the port",
+                "does not write the pin",
             ),
             ("movwf   PORTB               ; the edge", "movwf   _mask", "not written to a port"),
             # The pin is not the one that the C prepared.
@@ -297,6 +335,12 @@ def listing_of(text: str):  # type: ignore[no-untyped-def]
 def test_a_changed_interrupt_is_noticed(text: str, before: str, after: str, why: str) -> None:
     changed = text.replace(before, after)
     assert changed != text
+    labels = {
+        "; the edge\n": "; the edge\nst_past:\n",
+        "    clrf    _mask": "st_no_pulse:\n    clrf    _mask",
+    }
+    for words, labelled in labels.items():
+        changed = changed.replace(words, labelled)
     listing = listing_of(changed)
     with pytest.raises(InterruptChanged, match=why):
         guarantee(listing, STREAMED, NONE)  # which most changes fail, and which takes a third of the time

@@ -127,6 +127,27 @@ def test_every_pair_of_two_bytes_is_run() -> None:
     assert once_more.tables[SUM].pairing is not after.tables[SUM].pairing
 
 
+def test_places_that_depend_on_each_others_bytes_share_no_runs() -> None:
+    runner, start = runner_of()
+    high = BYTE // 128
+    for first, second in ((2, 5), (5, 2)):
+        runs = runner.run(start, split(FIRST, high, first) | split(SECOND, high, second))
+        of_first = runs.addresses.index(first)
+        assert runs.written[COPY][200, 0] == (of_first == 0)
+        assert runs.written[COPY][0, 200] == (of_first == 1)
+    assert runner.count == 2 * 4
+
+
+def test_a_constant_that_is_of_one_byte_shares_no_runs_with_a_table_of_the_other() -> None:
+    """HIGH is added too; what is split only there is constant, as of the first byte, in the other runs."""
+    runner, start = runner_of(PROGRAM.replace("movwf 0x25", "addwf 0x25, w"))
+    high = BYTE // 128
+    for _ in range(2):
+        runs = runner.run(known(start, {HIGH: 0}), split(FIRST, high, 2) | split(SECOND, 3 * high, 5))
+        assert runs.written[SUM][200, 200] == 1 + 3
+        runner.run(known(start, {SECOND: 0}), split(FIRST, high, 2) | split(HIGH, 3 * high, 5))
+
+
 def test_where_something_unknown_decides_there_is_nothing_to_join() -> None:
     """0x20 does in the BTFSC; its place is among those that were read."""
     runner, start = runner_of()

@@ -134,8 +134,14 @@ class InterruptCode:
         return {W, CARRY, ZERO, FSR, *(self.ram[name] for name in TIMING_VARIABLES)}
 
     def fixed_ports(self) -> Known:
-        """Return what stands for the addresses of ports in variables: either port does for the time."""
-        return {self.ram[name]: PORTS[1] for name in PORT_VARIABLES} if PORT in self.ram else {}
+        """Return addresses of ports for the variables that hold some, two different ones: the interrupt does
+        the same for any.
+        """
+        return (
+            dict(zip((self.ram[name] for name in PORT_VARIABLES), PORTS, strict=True))
+            if PORT in self.ram
+            else {}
+        )
 
     def word(self, address: int) -> DecodedWord:
         """Return an instruction of the code. Raises KeyError, Undefined."""

@@ -371,4 +371,5 @@ CLOSED_FORMS: Mapping[str, ClosedForm] = MappingProxyType(
 
 def wrist_joints(arm: Arm) -> int:
     """Return how many last joints of `arm` only an orientation determines."""
-    return CLOSED_FORMS[arm.closed_form].wrist_joints if arm.closed_form in CLOSED_FORMS else 0
+    form = CLOSED_FORMS.get(arm.closed_form or "")
+    return form.wrist_joints if form else 0

@@ -13,8 +13,9 @@ The levels of the line, the receiver's variables and those of the C are not know
 
 *Counts.* How many interrupts are left until an edge only matters when it is the last. `REPRESENTATIVE`, in
 `ticks` or in `rest`, stands for every odd number above 1, and that less 1 for every even one. This is sound
-because each word that reads such a count does the same for all of them: it decrements it, tests it for 0 or
-its lowest bit, or moves `rest` to `ticks`. A number made of it in W is forgotten, as it differs between them.
+because each word that reads such a count does the same for all of them: it tests it for 0 or its lowest bit,
+moves `rest` to `ticks`, or subtracts a number, as long as no count gets to 0. What it makes of it in W is
+forgotten, as it differs between them.
 """
 
 from __future__ import annotations
@@ -32,13 +33,15 @@ from servogen.engines.stream.interrupt_code import (
     FINE,
     HALF,
     INTCON,
+    NEXT_PORT,
+    PORT,
     PORT_VARIABLES,
     PORTS,
     REPRESENTATIVE,
     REST,
     ROUND,
-    SPANS_NEXT_ROUND,
     TICKS,
+    EdgePhase,
     InterruptCode,
     TimedState,
     Timer,
@@ -66,16 +69,17 @@ from servogen.prove.stream.looks import (
     look_outcomes,
 )
 from servogen.prove.stream.samples import NO_LOOK, LastLook, LookSequence
-from servogen.prove.stream.writes import MASK, OWN_VARIABLES, check_look_writes, check_writes
+from servogen.prove.stream.writes import (
+    OWN_VARIABLES,
+    check_look_writes,
+    check_writes,
+    writes_mask_if_rest_is_0,
+)
 
 NEXT_WIDTH = NEXT_HI, NEXT_LO = "next_hi", "next_lo"
 """The width that the C prepared for the next slot."""
-UNIFORM_READS = frozenset(
-    [("DECFSZ", 1), ("DECF", 1), ("DECF", 0), ("SUBWF", 1), ("MOVF", 1), ("BTFSS", 0), ("BTFSC", 0)]
-)
-"""The instructions that do the same for all counts that one number stands for: they count, test for zero, or
-test the lowest bit. With the bit that is tested, or 1 if the result goes to the file register.
-"""
+LEAST_REPRESENTATIVE = REPRESENTATIVE - 2
+"""It stands for 1 and all odd numbers above, as REPRESENTATIVE stands for 3 and those above."""
 MAX_STATES = 200_000  # against words that never come back; the templates' interrupts need some thousands
 MAX_CYCLES = 2 * ROUND + HALF  # a fall behind the end of a round is waited for in the same interrupt
 NEVER = -math.inf
@@ -95,11 +99,13 @@ class Ending(NamedTuple):
     cycle: int
     ahead: int
     """The cycles by which TMR0 is ahead of the time then."""
-    spans_next: bool
-    """Whether the next round has no other interrupt."""
+    phase: EdgePhase
+    """BEFORE_EDGE if it made none; SPANS_NEXT_ROUND if the next round has no other interrupt."""
     ticks: int | None
     rest: int | None
     fine: int | None
+    port: int | None
+    """None if all servos are on one port."""
     last: LastLook
 
 
@@ -236,7 +242,8 @@ class _Run:
             recent = self._is_recent(bit_stamp, end)
             last = LastLook(BIT, int(bit_stamp), int(bit_stamp)) if recent else NO_LOOK
         ticks, rest, fine = (known.get(ram[name]) for name in (TICKS, REST, FINE))
-        return Ending(end, timer.ahead, timer.phase is SPANS_NEXT_ROUND, ticks, rest, fine, last)
+        port = known.get(ram[PORT]) if PORT in ram else None
+        return Ending(end, timer.ahead, timer.phase, ticks, rest, fine, port, last)
 
     # what the words may do at their time
 
@@ -254,20 +261,25 @@ class _Run:
                 raise InterruptChanged(f"T0IF is cleared in cycle {at.cycle} of a round")
         elif word.writes_f and word.f == code.ram[DUE] and self.rest != 0:
             raise InterruptChanged(f"the word at 0x{at.address:03X} asks the C for a pulse beside a rise")
-        if self._reads_representative(word, at) and not self._is_uniform(at.address, word):
+        if self.rest is None and word.writes_f and word.f in (code.ram[REST], code.ram[FINE]):
+            raise InterruptChanged(f"the word at 0x{at.address:03X} moves an edge in a round without one")
+        if self._reads_representative(word, at) and not self._is_uniform(word, at):
             raise InterruptChanged(f"the word at 0x{at.address:03X} depends on how many interrupts are left")
 
     def _check_edge(self, word: DecodedWord, known: Known) -> None:
-        """Check what the instruction of an edge writes: 0, or `mask` where a pulse begins, to a port."""
+        """Check what the instruction of an edge writes, and where: 0, or `mask` where a pulse begins."""
         code = self.interrupt.code
-        if word.f not in PORTS and (word.f != INDF or known.get(FSR) not in PORTS):
+        rest = known.get(code.ram[REST])
+        if word.f == INDF:
+            port = known.get(code.ram.get(PORT if rest else NEXT_PORT, FSR))
+            if known.get(FSR) not in PORTS or known.get(FSR) != port:
+                raise InterruptChanged("an edge is not written to the port of its pulse")
+        elif word.f not in PORTS:
             raise InterruptChanged("an edge is not written to a port")
-        rest, value = known.get(code.ram[REST]), known.get(W)
-        if rest is None or (rest and value != 0):
-            raise InterruptChanged("a fall does not clear the port")
-        mask = encode("MOVF", f=code.ram[MASK], d=0)
-        if not rest and (value is not None or code.words[code.edge - 1] != mask):
-            raise InterruptChanged("a rise does not write the pin that the C prepared")
+        if rest is None:
+            raise InterruptChanged("an edge is in a round without one")
+        if not writes_mask_if_rest_is_0(code):
+            raise InterruptChanged("a rise does not write the pin that the C prepared, or a fall not 0")
 
     # the counts that one number stands for
 
@@ -284,11 +296,20 @@ class _Run:
             return self.rest is None or after_fall
         return self.rest == REPRESENTATIVE and word.f == ram[REST]
 
-    def _is_uniform(self, address: int, word: DecodedWord) -> bool:
-        """Return whether a word that reads such a count does the same for each number that it stands for."""
-        if word.name == "MOVF" and not word.writes_f:
-            return self._ends_move_to_ticks(address + 1)
-        return (word.name, word.b if word.tests_bit else int(word.writes_f)) in UNIFORM_READS
+    def _is_uniform(self, word: DecodedWord, at: TimedState) -> bool:
+        """Return whether a word that reads such a count does the same for each number that it stands for.
+
+        It may test the lowest bit, or for zero, and subtract as long as none of the numbers gets to zero.
+        """
+        if word.tests_bit:
+            return word.b == 0
+        if word.name == "MOVF":
+            return word.writes_f or self._ends_move_to_ticks(at.address + 1)
+        less = at.known.get(W) if word.name == "SUBWF" and word.writes_f else None
+        if word.name == "DECF" or (word.name == "DECFSZ" and word.writes_f):
+            less = 1
+        count = at.known.get(word.f)
+        return less is not None and (count is None or count - less >= LEAST_REPRESENTATIVE)
 
     def _ends_move_to_ticks(self, address: int) -> bool:
         """Return whether a word is the second of the two that move `rest` to `ticks`, after a fall."""

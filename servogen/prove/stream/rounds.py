@@ -39,7 +39,20 @@ from dataclasses import dataclass, field, replace
 from enum import Flag, auto
 from typing import NamedTuple
 
-from servogen.engines.stream.interrupt_code import FINE, HALF, LATENCY, REPRESENTATIVE, REST, ROUND, TICKS
+from servogen.engines.stream.interrupt_code import (
+    AFTER_EDGE,
+    BEFORE_EDGE,
+    FINE,
+    HALF,
+    LATENCY,
+    NEXT_PORT,
+    PORT,
+    REPRESENTATIVE,
+    REST,
+    ROUND,
+    SPANS_NEXT_ROUND,
+    TICKS,
+)
 from servogen.engines.stream.layout import LATEST, RoundLayout
 from servogen.engines.stream.settings import MASKED
 from servogen.engines.stream.streaming import Streaming
@@ -231,7 +244,7 @@ class _Closure:
     def _run_rises(self, begins: list[Beginning]) -> None:
         """Execute rises. A pulse takes a round at least, so that no rise follows."""
         for end in self._run_edges(begins, 0, None) if begins else ():
-            self._check(end.ahead == 0 and not end.spans_next, "a rise", end)
+            self._check(end.ahead == 0 and end.phase is AFTER_EDGE, "a rise", end)
             self._add_next_round(end, may_be=PLAIN | FALL)
 
     def _run_falls(self, begins: list[Beginning], fine: int) -> None:
@@ -240,9 +253,10 @@ class _Closure:
         rests = (1, REPRESENTATIVE) if fine <= LATEST else (REPRESENTATIVE,)
         for rest in rests:
             for end in self._run_edges(begins, rest, fine):
-                left = rest - 2 if end.spans_next else rest  # that round's two interrupts are counted
+                spans_next = end.phase is SPANS_NEXT_ROUND
+                left = rest - 2 if spans_next else rest  # that round's two interrupts are counted
                 self._check(end.ahead == 0 and end.ticks == left and end.rest == 0, "a fall", end)
-                if end.spans_next:
+                if spans_next:
                     self._add_next_round(end, 2, PLAIN | RISE)
                 else:
                     self._add_next_round(end, 1, RISE if rest == 1 else PLAIN)
@@ -260,6 +274,13 @@ class _Closure:
             name = "rise" if fine is None else f"fall, {fine} cycles after a rise in its round,"
             cycles = ", ".join(map(str, sorted(edges)))
             raise InterruptChanged(f"a {name} is in cycle {cycles} of its round, not {wanted}")
+        code = self.interrupt.code
+        port = code.fixed_ports().get(code.ram[PORT if rest else NEXT_PORT]) if PORT in code.ram else None
+        for end in ends:
+            if end.phase is BEFORE_EDGE or end.port != port:
+                raise InterruptChanged(
+                    f"a {'fall' if rest else 'rise'} is not on every path, or another port's"
+                )
         return ends
 
     def _check_counts(self) -> None:

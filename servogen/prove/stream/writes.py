@@ -15,6 +15,7 @@ from servogen.engines.stream.interrupt_code import (
     INTCON,
     PORT,
     PORTS,
+    REST,
     TIMING_VARIABLES,
     TMR0,
     InterruptCode,
@@ -39,11 +40,14 @@ def check_writes(code: InterruptCode, listing: Listing, looking: Collection[int]
     for first, name, count in listing.variables:
         if name.endswith("(temporary)"):
             own |= set(range(first, first + count))  # the context, kept by the compiler
+    late = [address for address in code.words if _skips_late_pulse(code, address)]
+    # Nothing comes to these but from the word before, or over it.
+    uninterrupted = {*range(code.edge - 3, code.edge + 1), *late, *(address + 1 for address in late)}
     for address in code.words:
         word = code.word(address)
         if word.name in NOT_FOLLOWED:
             raise InterruptChanged(f"{word.name} at 0x{address:03X} is not followed")
-        if word.flow == "jump" and word.k == code.edge:
+        if word.flow in ("jump", "call") and word.k in uninterrupted:
             raise InterruptChanged(f"the word at 0x{address:03X} jumps to an edge")
         if not word.writes_f or word.f == TMR0 or address in looking or address == code.edge:
             continue  # these are checked where they are executed, looks by `check_look_writes`
@@ -93,8 +97,23 @@ def _skips_late_pulse(code: InterruptCode, address: int) -> bool:
 
     The word between is the jump over both, which BTFSS skips only while the request is pending.
     """
-    return (code.words.get(address - 2), code.words.get(address), code.words.get(address + 1)) == (
+    return _words(code, address - 2, address + 1) == (
         encode("BTFSS", f=code.ram[DUE], b=1),
+        encode("GOTO", k=address + 2),
         encode("CLRF", f=code.ram[MASK]),
         encode("BSF", f=code.ram[DUE], b=0),
     )
+
+
+def writes_mask_if_rest_is_0(code: InterruptCode) -> bool:
+    """Return whether the edge writes `mask` if `rest` is 0, and 0 if not."""
+    return _words(code, code.edge - 4, code.edge - 1) == (
+        encode("MOVF", f=code.ram[REST], d=1),
+        encode("MOVLW", k=0),
+        encode("BTFSC", f=STATUS, b=2),
+        encode("MOVF", f=code.ram[MASK], d=0),
+    )
+
+
+def _words(code: InterruptCode, first: int, last: int) -> tuple[int | None, ...]:
+    return tuple(code.words.get(address) for address in range(first, last + 1))
