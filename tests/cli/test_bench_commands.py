@@ -55,7 +55,9 @@ def flashed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Any]:
     stand_in(monkeypatch, flashing, "check", check)
     stand_in(monkeypatch, flashing, "schedule_beside", lambda file: seen.get("beside"))
     stand_in(monkeypatch, table, "find", find)
-    stand_in(monkeypatch, flash, "command_of", lambda installed, order: ("prog", "a b", str(order.port)))
+    stand_in(
+        monkeypatch, flash, "programming_command", lambda installed, order: ("prog", "a b", str(order.port))
+    )
     stand_in(monkeypatch, flash, "flash", flash_it)
     return seen
 

@@ -382,7 +382,7 @@ def test_report_says_what_its_page_shows(
         return found
 
     monkeypatch.chdir(tmp_path)
-    stand_in(monkeypatch, reporting, "page_of", page_of)
+    stand_in(monkeypatch, reporting, "build_page", page_of)
     stand_in(monkeypatch, verify_package, "capture_lines", lambda verdict: ["first", "second"])
     ran = run("report", "jobs/a.toml", *words)
     after = "next: open a.html in a browser, or servogen watch jobs/a.toml"
@@ -568,7 +568,7 @@ def planning(monkeypatch: pytest.MonkeyPatch, building: dict[str, Any], tmp_path
     from servogen.report import film, motion_plot, motion_table, plan_facts
     from servogen.workflows import horns
 
-    stand_in(monkeypatch, horns, "horns_of", lambda job: ())
+    stand_in(monkeypatch, horns, "job_horns", lambda job: ())
     drawn: list[Any] = []
     found = facts(tracks=(), to_json=lambda: {"plan": 1})
     found.job.notes = ()

@@ -109,7 +109,7 @@ def planning(monkeypatch: pytest.MonkeyPatch, tables: Tables) -> dict[str, Any]:
     stand_in(monkeypatch, gait_facts, "walk_facts", lambda *_: seen["facts"])
     stand_in(monkeypatch, gait_facts, "diagram", lambda rhythm: dict.fromkeys(dict(rhythm.lifts), ""))
     stand_in(monkeypatch, gait_facts, "walk_to_json", lambda *_: {"walk": 1})
-    stand_in(monkeypatch, loads, "loads_of", lambda *_: None)
+    stand_in(monkeypatch, loads, "walk_loads", lambda *_: None)
     stand_in(monkeypatch, loads, "check_loads", lambda *_: seen["loads"])
     return seen
 
