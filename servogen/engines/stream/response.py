@@ -270,9 +270,9 @@ class InterruptTimes:
         one.
         """
         fewest = ROUND
-        usual = range(HALF + 2, HALF + LATENCY + 3 + self.masked)
-        late = range(end, end + LATENCY + 3)
-        for begin in usual if end + LATENCY < HALF else late:
+        # An end that is earlier than the latest may be that of a round whose second interrupt does more.
+        latest = HALF + self.masked if end + LATENCY < HALF else end
+        for begin in range(HALF + 2, latest + LATENCY + 3):
             second = self._interrupt(begin, REPRESENTATIVE - 1, Timer(HALF))
             if second is None or any(after.ahead or after.cycle + LATENCY > ROUND for after in second):
                 return None
@@ -315,8 +315,8 @@ class InterruptTimes:
             return 2 * ROUND - end if end + LATENCY <= 2 * ROUND else None
         if end + LATENCY < ROUND:
             return ROUND - end + plain
-        begins = max(2, end - ROUND)
-        late = self.cycles_left(range(begins, begins + LATENCY + 2 + self.masked))
+        # As above, the next interrupt may begin earlier, and do more.
+        late = self.cycles_left(range(2, max(2, end - ROUND) + LATENCY + 2 + self.masked))
         return None if late is None else max(0, ROUND - end) + min(late, plain)
 
     def _interrupt(self, begin: int, ticks: int, timer: Timer) -> tuple[LatestEnd, ...] | None:
