@@ -1,6 +1,7 @@
 """The addresses of a stream program's variables and of the parts of its interrupt, from its listing.
 
-A wrong name cannot make a wrong program proven: the lemmas are about what the words do with these places.
+A wrong name cannot make a wrong program proven: the lemmas show what the words do with these places, and
+that the pulses come of it, whatever the places are called.
 """
 
 from __future__ import annotations

@@ -243,7 +243,7 @@ class LineTheorem:
         if window >= rounds:
             left = (window // rounds) * (bound.supply or 0)
         else:
-            left = response(self.listing, window, travel, interval).supply or 0 if window > 3 else 0
+            left = (response(self.listing, window, travel, interval).supply or 0) if window > 3 else 0
         if worst + (bound.execute or 0) > left:
             raise UndecidedPart("a command may end before the one before it is executed")
 
