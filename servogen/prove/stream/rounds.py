@@ -206,7 +206,7 @@ class _Closure:
                     self.interrupt.sequence is None
                     and entry._replace(look=NONE, may_be=wider) in self.entries
                 )
-                # A look of a kind makes its stamp a fixed time before its sample: both are earlier, or neither.
+                # Sample and stamp of a kind are a fixed time apart: both are earlier, or neither.
                 if unlimited or (before is not None and before[1:] <= last[1:]):
                     return
         self.entries[entry] = last
