@@ -63,6 +63,11 @@ class Listing:
     def __repr__(self) -> str:
         return f"<Listing of {len(self.rows)} words, {len(self.functions)} functions>"
 
+    @property
+    def words(self) -> dict[int, int]:
+        """Return the program's words by address."""
+        return {row.address: row.word for row in self.rows}
+
     def label(self, name: str) -> int:
         """Return the address of a label. Raises LookupError unless exactly one label has that name."""
         addresses = {address for label, address in self.labels if label == name}

@@ -352,12 +352,16 @@ class _ContractProver:
 
     def _broken(self, trace: EdgeTrace, trial: ChipTrial) -> list[ClauseVerdict]:
         """Return the clauses that a run from a reset breaks, also with what is assumed of an old latch."""
-        judged = judge_contract(self._clauses, trace, from_reset=True).clauses
+        broken = [
+            each for each in judge_contract(self._clauses, trace, from_reset=True).clauses if each.first
+        ]
         begins_low = trial.reset is None and trial.options.start_seed is None
-        if not (self._latches or (begins_low and "latches" not in dict(trial.options.start))):
-            trace = _without_glitch(trace, self._inputs)
-        assumed = judge_contract(self._clauses, trace, from_reset=True).clauses
-        return [each for each, again in zip(judged, assumed, strict=True) if each.first and again.first]
+        latches_known = self._latches or (begins_low and "latches" not in dict(trial.options.start))
+        if latches_known or not broken:
+            return broken
+        clauses = [each.clause for each in broken]
+        assumed = judge_contract(clauses, _without_glitch(trace, self._inputs), from_reset=True).clauses
+        return [each for each, again in zip(broken, assumed, strict=True) if again.first]
 
 
 def _first_cycle(verdict: ClauseVerdict) -> int:

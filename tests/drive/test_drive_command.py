@@ -56,10 +56,7 @@ def test_ctrl_c_stops_the_robot(start: Start, serial: Serial) -> None:
 def test_a_robot_that_is_gone_when_it_is_to_stop_is_said_not_to_be_stopped(
     start: Start, serial: Serial
 ) -> None:
-    process = start("drive", JOBS / "omni-square.toml", "-p", serial.path, *RANGE, "--json")
-    serial.wait_for(lambda decoder: len(decoder.moves) > 5)
-    serial.unplug()
-    assert next(events(process))["event"] == "lost"
+    process, _ = unplugged(start, serial)
     process.send_signal(signal.SIGINT)
     _, said = process.communicate(timeout=300)
     assert process.returncode == 3 and "the robot was NOT stopped: the line is gone" in said
@@ -108,10 +105,7 @@ def test_wheels_are_not_left_turning(run: Run) -> None:
 def test_a_robot_that_is_unplugged_and_plugged_in_again_gets_its_whole_pose(
     start: Start, serial: Serial
 ) -> None:
-    process = start("drive", JOBS / "omni-square.toml", "-p", serial.path, *RANGE, "--json")
-    serial.wait_for(lambda decoder: len(decoder.moves) > 5)
-    serial.unplug()
-    assert next(events(process))["event"] == "lost"
+    process, _ = unplugged(start, serial)
     serial.decoder.moves.clear()
     serial.plug()
     assert [each["event"] for each in until_back(process)] == []
@@ -127,11 +121,7 @@ def test_a_port_that_another_program_takes_first_is_waited_for_and_the_reason_is
     start: Start, serial: Serial
 ) -> None:
     """As a modem manager does with every new port: the drive opens it as soon as the other leaves it."""
-    process = start("drive", JOBS / "omni-square.toml", "-p", serial.path, *RANGE, "--json")
-    serial.wait_for(lambda decoder: len(decoder.moves) > 5)
-    serial.unplug()
-    found = events(process)
-    assert next(found)["event"] == "lost"
+    _, found = unplugged(start, serial)
     serial.decoder.moves.clear()
     serial.plug(taken=True)
     waiting = next(found)
@@ -148,6 +138,16 @@ def events(process: "subprocess.Popen[str]") -> Iterator[dict[str, Any]]:
     assert process.stdout is not None
     entries = (json.loads(line) for line in iter(process.stdout.readline, ""))
     return (entry for entry in entries if "event" in entry)
+
+
+def unplugged(start: Start, serial: Serial) -> tuple["subprocess.Popen[str]", Iterator[dict[str, Any]]]:
+    """A drive that has lost its line after some moves, and what it says from then on."""
+    process = start("drive", JOBS / "omni-square.toml", "-p", serial.path, *RANGE, "--json")
+    serial.wait_for(lambda decoder: len(decoder.moves) > 5)
+    serial.unplug()
+    found = events(process)
+    assert next(found)["event"] == "lost"
+    return process, found
 
 
 def until_back(process: "subprocess.Popen[str]") -> list[dict[str, Any]]:

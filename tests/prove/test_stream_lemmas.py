@@ -714,7 +714,7 @@ def test_a_fault_that_no_pulse_shows_is_not_decided(
     monkeypatch.setattr("servogen.prove.stream.counterexample.MORE_LINES", 2)
     # The watchdog, which is off, would have another prescaler.
     other = swapped(listing, encode("MOVLW", k=0x8F), -1)
-    image = Image({row.address: row.word for row in other.rows}, 0x3FF1)
+    image = Image(other.words, 0x3FF1)
     proof = prove_line(image, other, ARM, STREAMED, lambda what: None)
     assert not proof.proven and proof.counterexample is None
     assert "OPTION_REG becomes 142, not 143" in proof.reason

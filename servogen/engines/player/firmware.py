@@ -91,7 +91,7 @@ def firmware(text: str, job: EngineJob, layout: SlotLayout, dialect: str) -> Fir
 
 def timing_budgets(listing: Listing, layout: SlotLayout) -> tuple[TimingBudget, ...]:
     """Return the time that the C takes between two slots and between two frames, and the time it has."""
-    program = TimedProgram({row.address: row.word for row in listing.rows}, listing.functions)
+    program = TimedProgram(listing.words, listing.functions)
     maximum = partial(program.longest, listing.label(DONE), {listing.label(CHECK)})
     slots, frames = allowances(listing, layout)
     # What begins anew at the wire has no time that it must not exceed.

@@ -111,7 +111,7 @@ def _smallest(allowances: Sequence[Allowance]) -> Allowance:
 
 
 def _kernel_of(listing: Listing, layout: SlotLayout) -> _Kernel:
-    words = {row.address: row.word for row in listing.rows}
+    words = listing.words
     start = next(function.start for function in listing.functions if function.name == KERNEL)
     check, poll, done = (listing.label(label) for label in (CHECK, POLL, DONE))
     return _Kernel(

@@ -96,10 +96,6 @@ def response(listing: Listing, rounds: int, max_travel: int, min_command: int) -
     return Response(needed.prepare, needed.execute, supply, between, needed.masked)
 
 
-def _words(listing: Listing) -> dict[int, int]:
-    return {row.address: row.word for row in listing.rows}
-
-
 def _addresses(listing: Listing) -> Mapping[str, int]:
     return {name: address for address, name, _ in listing.variables}
 
@@ -125,7 +121,7 @@ class MainLoop(NamedTuple):
 
 
 def _main_loop_times(listing: Listing, max_travel: int) -> MainLoopTimes:
-    words = _words(listing)
+    words = listing.words
     due = _addresses(listing)[DUE]
     # Interrupts repeat this loop: each round has at most one, and lets the C do more than one turn.
     whole, parts = listing.label("st_whole"), listing.label("st_parts")
@@ -166,7 +162,7 @@ def _addresses_with(words: Mapping[int, int], wanted: int) -> list[int]:
 
 def main_loop(listing: Listing) -> MainLoop:
     """Return where the main loop is."""
-    words = _words(listing)
+    words = listing.words
     main, due = _main(listing), _addresses(listing)[DUE]
     clear = _only(
         address for address in range(main.start, main.end) if words[address] == encode("ANDWF", f=due, d=1)
@@ -204,7 +200,7 @@ def _loop_head(words: Mapping[int, int], main: ListedFunction, after: int) -> in
 
 def _changed_by_interrupt(listing: Listing) -> set[int]:
     """Return the bytes that an interrupt may change; FSR is again what it was, as `prove` checks."""
-    program = TimedProgram(_words(listing), ())
+    program = TimedProgram(listing.words, ())
     executed = map(program.word, program.reached(INTERRUPT_VECTOR))
     return {word.f for word in executed if word.writes_f} - {FSR}
 
@@ -370,7 +366,7 @@ class InterruptTimes:
 
 def _supply(listing: Listing, rounds: int, masked: int) -> Cycles | None:
     """Return the minimum cycles left in a slot, from the request in the round of its rise on."""
-    words = _words(listing)
+    words = listing.words
     executed = sorted(TimedProgram(words, ()).reached(INTERRUPT_VECTOR))
     edge = find_edge({address: words[address] for address in executed}, listing.label("st_exactly"))
     names = (*TIMING_VARIABLES, *PORT_VARIABLES)

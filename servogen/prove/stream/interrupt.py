@@ -369,7 +369,7 @@ def find_interrupt(listing: Listing, streamed: Streaming) -> Interrupt:
     """Return the interrupt of a program. Raises InterruptChanged if its parts are not there, or if its words
     write what is not theirs.
     """
-    words = {row.address: row.word for row in listing.rows}
+    words = listing.words
     names = (*OWN_VARIABLES, *RECEIVER_VARIABLES, *PORT_VARIABLES, *NEXT_WIDTH)
     ram = {name: place for place, name, _ in listing.variables if name in names}
     program = TimedProgram(words, ())

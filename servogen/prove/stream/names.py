@@ -33,7 +33,7 @@ class Names:
 
     @cached_property
     def words(self) -> Mapping[int, int]:
-        return {row.address: row.word for row in self.listing.rows}
+        return self.listing.words
 
     @cached_property
     def variables(self) -> Mapping[str, tuple[int, int]]:

@@ -152,7 +152,7 @@ def _named_words(
 
 def _count_differences(image: Image, listing: Listing) -> int:
     """Return in how many words an image differs from a listing."""
-    listed = {row.address: row.word for row in listing.rows}
+    listed = listing.words
     if listed.keys() - image.program.keys():
         return len(listed) + len(image.program)
     return sum(listed.get(address) != word for address, word in image.program.items())

@@ -58,7 +58,7 @@ def check_writes(code: InterruptCode, listing: Listing, looking: Collection[int]
             STATUS: _keeps_bank(code, address, word),
             FSR: word.name == "MOVWF",
             code.ram[DUE]: word.name == "BSF",
-            code.ram[MASK]: _skips_late_pulse(code, address),
+            code.ram[MASK]: address in late,
         }.get(word.f, word.f in own or word.name == "MOVF")  # MOVF f,F changes nothing but a flag
         if not allowed:
             raise InterruptChanged(f"the word at 0x{address:03X} writes what is not the interrupt's")

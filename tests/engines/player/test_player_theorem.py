@@ -166,7 +166,7 @@ def test_the_bit_is_set_from_the_first_cycle_that_is_too_late() -> None:
 
 
 def changed(listing: Listing, change: Callable[[dict[int, int]], None]) -> Listing:
-    words = {row.address: row.word for row in listing.rows}
+    words = listing.words
     change(words)
     return replace(listing, rows=tuple(replace(row, word=words[row.address]) for row in listing.rows))
 
@@ -227,7 +227,7 @@ def test_a_kernel_with_other_pulses_or_without_an_end_has_no_theorem() -> None:
     """Each write of the port is needed as it is: W, which is a mask, or 0."""
     listing = simple().compilation.listing
     _, played = played_by()
-    words = {row.address: row.word for row in listing.rows}
+    words = listing.words
     writes = encode("MOVWF", f=0), encode("CLRF", f=0)
     mutants = [
         ({at: word}, r"^a pulse of \d+ cycles lasts (\d+|None)$")
@@ -261,7 +261,7 @@ def test_the_words_behind_the_pulses_restore_what_the_next_slot_needs() -> None:
     listing = simple().compilation.listing
     _, played = played_by()
     done = listing.label("pl_done")
-    words = {row.address: row.word for row in listing.rows}
+    words = listing.words
     assert [words[done + n] for n in (0, 1)] == [encode("CLRWDT"), encode("MOVLW", k=3)]
     overrun = listing.variable("overrun")
     for at, word in ((1, encode("MOVLW", k=2)), (2, encode("NOP")), (0, encode("CLRF", f=overrun))):

@@ -78,7 +78,7 @@ def rows_of(name: str, seconds: float, seed: int) -> tuple[Firmware, list[tuple[
 def slots_of(listing: Listing, rows: list[tuple[int, int]]) -> list[tuple[int, int | None]]:
     """Return the cycles of C from each request to the next, and to the end of the preparation."""
     due = listing.variable("due")
-    words = {row.address: row.word for row in listing.rows}
+    words = listing.words
     interrupt = next(each for each in listing.functions if each.name == "interrupt")
     main = next(each for each in listing.functions if each.name == "main")
     request = next(at for at in range(interrupt.start, interrupt.end) if words[at] == 0x1480 | due)
